@@ -38,16 +38,8 @@ template <class T> std::set<float> values_in(LatticeView const& lattice, Index3 
 }
 
 std::set<float> values_in(Lattice const& lattice, int threads) {
-    switch (lattice.view.type) {
-    case LatticeType::uint8:
-        return values_in<std::uint8_t>(lattice.view, lattice.dims, threads);
-    case LatticeType::uint16:
-        return values_in<std::uint16_t>(lattice.view, lattice.dims, threads);
-    case LatticeType::int16:
-        return values_in<std::int16_t>(lattice.view, lattice.dims, threads);
-    default:
-        return values_in<float>(lattice.view, lattice.dims, threads);
-    }
+    return with_lattice_type(lattice.view.type,
+                             [&]<class T>(T) { return values_in<T>(lattice.view, lattice.dims, threads); });
 }
 
 } // namespace

@@ -153,16 +153,8 @@ template <class T> Range survey(View<T const> v, Lattice& lattice, ValueMap cons
 double Lattice::at(Index3 voxel) const {
     std::int64_t const i =
         voxel.x + lattice_padding + (voxel.y + lattice_padding) * view.row + (voxel.z + lattice_padding) * view.slice;
-    switch (view.type) {
-    case LatticeType::uint8:
-        return static_cast<std::uint8_t const*>(view.data)[i];
-    case LatticeType::uint16:
-        return static_cast<std::uint16_t const*>(view.data)[i];
-    case LatticeType::int16:
-        return static_cast<std::int16_t const*>(view.data)[i];
-    default:
-        return static_cast<double>(static_cast<float const*>(view.data)[i]);
-    }
+    return with_lattice_type(view.type,
+                             [&]<class T>(T) { return static_cast<double>(static_cast<T const*>(view.data)[i]); });
 }
 
 Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution) {

@@ -118,20 +118,7 @@ CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads) {
     grid.lowest.resize(n);
     grid.highest.resize(n);
     grid.missing.resize(n);
-    switch (lattice.type) {
-    case LatticeType::uint8:
-        ranges<std::uint8_t>(lattice, dims, grid, threads);
-        break;
-    case LatticeType::uint16:
-        ranges<std::uint16_t>(lattice, dims, grid, threads);
-        break;
-    case LatticeType::int16:
-        ranges<std::int16_t>(lattice, dims, grid, threads);
-        break;
-    case LatticeType::float32:
-        ranges<float>(lattice, dims, grid, threads);
-        break;
-    }
+    with_lattice_type(lattice.type, [&]<class T>(T) { ranges<T>(lattice, dims, grid, threads); });
     return grid;
 }
 

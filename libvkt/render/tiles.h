@@ -14,6 +14,21 @@ enum class Integrator : std::uint8_t { march, exact, iso, scatter, project, plac
 /// Storage types that rays can sample; the others are converted to float before.
 enum class LatticeType : std::uint8_t { uint8, uint16, int16, float32 };
 
+/// Calls f(T{}) with the type and returns what it returns; inlined always, as with_type() is.
+template <class F> [[gnu::always_inline]] constexpr decltype(auto) with_lattice_type(LatticeType type, F&& f) {
+    switch (type) {
+    case LatticeType::uint8:
+        return f(std::uint8_t{});
+    case LatticeType::uint16:
+        return f(std::uint16_t{});
+    case LatticeType::int16:
+        return f(std::int16_t{});
+    case LatticeType::float32:
+        break;
+    }
+    return f(float{});
+}
+
 struct LatticeView {
     void const* data = nullptr; ///< voxel (0,0,0) of the padded array
     LatticeType type = LatticeType::float32;

@@ -308,20 +308,7 @@ StoredBlocks TreeBlocks::store(TreeSampler const& sampler, LatticeType type, Tre
             }
         }
     };
-    switch (type) {
-    case LatticeType::uint8:
-        fill_all(std::uint8_t{});
-        break;
-    case LatticeType::uint16:
-        fill_all(std::uint16_t{});
-        break;
-    case LatticeType::int16:
-        fill_all(std::int16_t{});
-        break;
-    case LatticeType::float32:
-        fill_all(float{});
-        break;
-    }
+    with_lattice_type(type, fill_all);
     return stored;
 }
 

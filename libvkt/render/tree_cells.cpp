@@ -198,20 +198,7 @@ TreeCells make_tree_cells(TreeSampler const& sampler, LatticeType type, Box cons
     TreeCells cells;
     Builder builder(sampler, region, cells);
     builder.name_bricks();
-    switch (type) {
-    case LatticeType::uint8:
-        builder.find_ranges<std::uint8_t>(sampler, threads);
-        break;
-    case LatticeType::uint16:
-        builder.find_ranges<std::uint16_t>(sampler, threads);
-        break;
-    case LatticeType::int16:
-        builder.find_ranges<std::int16_t>(sampler, threads);
-        break;
-    case LatticeType::float32:
-        builder.find_ranges<float>(sampler, threads);
-        break;
-    }
+    with_lattice_type(type, [&]<class T>(T) { builder.template find_ranges<T>(sampler, threads); });
     return cells;
 }
 

@@ -22,6 +22,13 @@ assert all(f["repeat"].startswith("vkt stress --volume " + sys.argv[2]) for f in
 print(found[0]["repeat"])' "$1" "$2"
 }
 
+# values_differ VOLUME: what again.sh prints of it is not what comes out without the fault.
+values_differ() {
+    sh again.sh >wrong
+    vkt stress --volume "$1" | vkt planted | vkt dump >right
+    run ! cmp -s wrong right
+}
+
 # shows_nothing VOLUME,... PIPELINE
 shows_nothing() {
     vkt stress "$2" --volume "$1" >found || { cat found >&2; return 1; }
@@ -57,9 +64,7 @@ shows_nothing() {
 
 @test "an integer that wraps where it should saturate" {
     finds "loses accuracy" extremes-uint8 'planted --fault wraps' >again.sh
-    sh again.sh >wrong
-    vkt stress --volume extremes-uint8 | vkt planted | vkt dump >right
-    run ! cmp -s wrong right
+    values_differ extremes-uint8
     shows_nothing constant-uint8,noise-float32 'planted --fault wraps'
 }
 
@@ -78,9 +83,7 @@ shows_nothing() {
 
 @test "sums in float32, which an offset of 1e8 shows" {
     finds "loses accuracy" offset-int32 'planted --fault float32' >again.sh
-    sh again.sh >wrong
-    vkt stress --volume offset-int32 | vkt planted | vkt dump >right
-    run ! cmp -s wrong right
+    values_differ offset-int32
     shows_nothing noise-uint16,noise-int32 'planted --fault float32'
 }
 

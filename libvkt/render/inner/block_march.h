@@ -161,7 +161,7 @@ VKT_HD Radiance march_blocks(TreePoints<T, Scratch> const& asked, SceneView cons
                 continue;
             }
         LeafPart const next = walk.after(t, ray.length);
-        t = next.leave > t + walk.hair ? next.leave : t + walk.hair;
+        t = walk.behind(next, t);
         if (!walk.counts(next)) continue; // where the ray ends
         part = next;
         if (scene.skip && part.leaf->visible == 0) {

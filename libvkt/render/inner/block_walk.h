@@ -53,11 +53,13 @@ struct LeafWalk {
         return {&leaf, enter > first[2] ? enter : first[2], leave < last[2] ? leave : last[2]};
     }
     VKT_HD bool counts(LeafPart const& part) const { return part.leave - part.enter > 2 * hair; }
+    /// A place behind a part that was found at t, further on in any case.
+    VKT_HD double behind(LeafPart const& part, double t) const { return part.leave > t + hair ? part.leave : t + hair; }
     /// The one in which the ray goes on at t, and the one that it comes from.
     VKT_HD LeafPart after(double t, double length) const {
         LeafPart part = at(t + hair);
         while (!counts(part) && t < length) {
-            t = part.leave > t + hair ? part.leave : t + hair;
+            t = behind(part, t);
             part = at(t + hair);
         }
         return part;

@@ -197,7 +197,7 @@ VKT_HD Radiance march_leaves(TreePoints<T, NoScratch> const& asked, SceneView co
                 continue;
             }
             LeafPart const next = walk.after(t, ray.length);
-            t = next.leave > t + walk.hair ? next.leave : t + walk.hair;
+            t = walk.behind(next, t);
             if (!walk.counts(next)) continue; // where the ray ends
             part = next;
             shown = !scene.skip || next.leaf->visible != 0;

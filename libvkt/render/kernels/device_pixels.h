@@ -2,8 +2,14 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/error.h"
 #include "libvkt/render/device.h"
+#include "libvkt/render/inner/exact.h"
+#include "libvkt/render/inner/project.h"
+#include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/pixels.h"
+
+#include <type_traits>
 
 namespace vkt::render {
 
@@ -25,6 +31,40 @@ __device__ __forceinline__ Tile pixel_of_thread(Bands const& bands) {
     int const x = part.x0 + static_cast<int>(blockIdx.x * block_x + threadIdx.x),
               y = bands.row(static_cast<int>(blockIdx.y)) + static_cast<int>(threadIdx.y);
     return x < part.x1 && y < part.y1 ? Tile{x, y, x + 1, y + 1} : Tile{0, 0, 0, 0};
+}
+
+/// What a thread draws where nothing is left out of the loop.
+template <Integrator integrator, class S>
+__device__ __forceinline__ void draw_pixel(S const& sampler, SceneView const& scene, Tile tile, float* pixels,
+                                           Counters& counters) {
+    if constexpr (integrator == Integrator::scatter)
+        for_pixels(tile, pixels, scene.frame.width,
+                   [&](int px, int py) { return scatter_pixel(sampler, scene, px, py, counters); });
+    else
+        for_rays(scene, tile, pixels, scene.frame.width, [&](Ray const& ray) {
+            if constexpr (integrator == Integrator::march) return march_ray(sampler, scene, ray, counters);
+            if constexpr (integrator == Integrator::exact) return exact_ray(sampler, scene, ray, counters);
+            if constexpr (integrator == Integrator::iso) return iso_ray(sampler, scene, ray, counters);
+            if constexpr (integrator == Integrator::project) return project_ray(sampler, scene, ray, counters);
+        });
+}
+
+/// Calls f with a constant, which pictures are compiled for.
+template <class F> void with_integrator(Integrator integrator, F const& f) {
+    switch (integrator) {
+    case Integrator::march:
+        return f(std::integral_constant<Integrator, Integrator::march>{});
+    case Integrator::exact:
+        return f(std::integral_constant<Integrator, Integrator::exact>{});
+    case Integrator::iso:
+        return f(std::integral_constant<Integrator, Integrator::iso>{});
+    case Integrator::project:
+        return f(std::integral_constant<Integrator, Integrator::project>{});
+    case Integrator::scatter:
+        return f(std::integral_constant<Integrator, Integrator::scatter>{});
+    default:
+        throw Error(ErrorKind::failure, "what is beside a picture is not drawn on a GPU");
+    }
 }
 
 /// Adds what every thread of a block counted.

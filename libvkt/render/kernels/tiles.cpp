@@ -12,28 +12,11 @@ template <class T> LatticeSampler<T> sampler_of(LatticeView const& lattice) {
     return {static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
 }
 
-template <class T>
-void run(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
-         std::int64_t width, Counters& total) {
-    integrate(sampler_of<T>(lattice), scene, integrator, tile, pixels, width, total);
-}
-
 void render_tile(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
                  std::int64_t width, Counters& counters) {
-    switch (lattice.type) {
-    case LatticeType::uint8:
-        run<std::uint8_t>(scene, lattice, integrator, tile, pixels, width, counters);
-        break;
-    case LatticeType::uint16:
-        run<std::uint16_t>(scene, lattice, integrator, tile, pixels, width, counters);
-        break;
-    case LatticeType::int16:
-        run<std::int16_t>(scene, lattice, integrator, tile, pixels, width, counters);
-        break;
-    case LatticeType::float32:
-        run<float>(scene, lattice, integrator, tile, pixels, width, counters);
-        break;
-    }
+    with_lattice_type(lattice.type, [&]<class T>(T) {
+        integrate(sampler_of<T>(lattice), scene, integrator, tile, pixels, width, counters);
+    });
 }
 
 } // namespace

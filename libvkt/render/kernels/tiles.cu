@@ -3,12 +3,8 @@
 #include "libvkt/render/device.h"
 
 #include "libvkt/core/device.h"
-#include "libvkt/core/error.h"
-#include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/labels.h"
-#include "libvkt/render/inner/project.h"
-#include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/device_pixels.h"
 
 namespace vkt::render {
@@ -20,18 +16,7 @@ __global__ void __launch_bounds__(block_x* block_y)
                   unsigned long long* totals) {
     Tile const tile = pixel_of_thread(bands);
     Counters counters;
-    if (tile.x0 < tile.x1) {
-        if constexpr (integrator == Integrator::scatter)
-            for_pixels(tile, pixels, scene.frame.width,
-                       [&](int px, int py) { return scatter_pixel(sampler, scene, px, py, counters); });
-        else
-            for_rays(scene, tile, pixels, scene.frame.width, [&](Ray const& ray) {
-                if constexpr (integrator == Integrator::march) return march_ray(sampler, scene, ray, counters);
-                if constexpr (integrator == Integrator::exact) return exact_ray(sampler, scene, ray, counters);
-                if constexpr (integrator == Integrator::iso) return iso_ray(sampler, scene, ray, counters);
-                if constexpr (integrator == Integrator::project) return project_ray(sampler, scene, ray, counters);
-            });
-    }
+    if (tile.x0 < tile.x1) draw_pixel<integrator>(sampler, scene, tile, pixels, counters);
     add_counters(counters, totals);
 }
 
@@ -95,40 +80,14 @@ void launch(SceneView const& scene, LatticeView const& lattice, Bands const& ban
     check_launch("render");
 }
 
-template <Integrator integrator>
-void launch_type(SceneView const& scene, LatticeView const& lattice, Bands const& bands, float* pixels,
-                 unsigned long long* totals) {
-    switch (lattice.type) {
-    case LatticeType::uint8:
-        return launch<integrator, std::uint8_t>(scene, lattice, bands, pixels, totals);
-    case LatticeType::uint16:
-        return launch<integrator, std::uint16_t>(scene, lattice, bands, pixels, totals);
-    case LatticeType::int16:
-        return launch<integrator, std::int16_t>(scene, lattice, bands, pixels, totals);
-    case LatticeType::float32:
-        return launch<integrator, float>(scene, lattice, bands, pixels, totals);
-    }
-}
-
 } // namespace
 
 void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Bands const& bands,
                     float* pixels, std::uint64_t* totals) {
     auto* const counts = reinterpret_cast<unsigned long long*>(totals);
-    switch (integrator) {
-    case Integrator::march:
-        return launch_type<Integrator::march>(scene, lattice, bands, pixels, counts);
-    case Integrator::exact:
-        return launch_type<Integrator::exact>(scene, lattice, bands, pixels, counts);
-    case Integrator::iso:
-        return launch_type<Integrator::iso>(scene, lattice, bands, pixels, counts);
-    case Integrator::project:
-        return launch_type<Integrator::project>(scene, lattice, bands, pixels, counts);
-    case Integrator::scatter:
-        return launch_type<Integrator::scatter>(scene, lattice, bands, pixels, counts);
-    default:
-        throw Error(ErrorKind::failure, "what is beside a picture is not drawn on a GPU");
-    }
+    with_integrator(integrator, [&]<Integrator drawn>(std::integral_constant<Integrator, drawn>) {
+        with_lattice_type(lattice.type, [&]<class T>(T) { launch<drawn, T>(scene, lattice, bands, pixels, counts); });
+    });
 }
 
 } // namespace vkt::render

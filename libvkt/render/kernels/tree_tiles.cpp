@@ -20,16 +20,7 @@ void run(SceneView const& scene, TreeView const& tree, Integrator integrator, Ti
 
 void render_tile(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile tile, float* pixels,
                  std::int64_t width, Counters& counters) {
-    switch (tree.type) {
-    case LatticeType::uint8:
-        return run<std::uint8_t>(scene, tree, integrator, tile, pixels, width, counters);
-    case LatticeType::uint16:
-        return run<std::uint16_t>(scene, tree, integrator, tile, pixels, width, counters);
-    case LatticeType::int16:
-        return run<std::int16_t>(scene, tree, integrator, tile, pixels, width, counters);
-    case LatticeType::float32:
-        return run<float>(scene, tree, integrator, tile, pixels, width, counters);
-    }
+    with_lattice_type(tree.type, [&]<class T>(T) { run<T>(scene, tree, integrator, tile, pixels, width, counters); });
 }
 
 } // namespace

@@ -1,18 +1,20 @@
 // The picture of a hierarchical volume on a GPU: a thread a pixel, with the inner loops of the CPU, but for lists.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/device.h"
-#include "libvkt/core/error.h"
 #include "libvkt/render/device.h"
-#include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/piece_walk.h"
-#include "libvkt/render/inner/project.h"
-#include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/inner/segment_march.h"
 #include "libvkt/render/kernels/device_pixels.h"
 
 namespace vkt::render {
 namespace {
+
+template <class T>
+__device__ __forceinline__ TreePoints<T, NoScratch> points_of(TreeView const& tree, SceneView const& scene,
+                                                              NoScratch& none) {
+    return {tree, scene.cells, scene.shown.lower, scene.shown.upper, none};
+}
 
 template <Integrator integrator, class T>
 __global__ void __launch_bounds__(block_x* block_y)
@@ -20,20 +22,9 @@ __global__ void __launch_bounds__(block_x* block_y)
                   float* pixels, unsigned long long* totals) {
     Tile const tile = pixel_of_thread(bands);
     NoScratch none;
-    TreePoints<T, NoScratch> const points{tree, scene.cells, scene.shown.lower, scene.shown.upper, none};
+    TreePoints<T, NoScratch> const points = points_of<T>(tree, scene, none);
     Counters counters;
-    if (tile.x0 < tile.x1) {
-        if constexpr (integrator == Integrator::scatter)
-            for_pixels(tile, pixels, scene.frame.width,
-                       [&](int px, int py) { return scatter_pixel(points, scene, px, py, counters); });
-        else
-            for_rays(scene, tile, pixels, scene.frame.width, [&](Ray const& ray) {
-                if constexpr (integrator == Integrator::march) return march_ray(points, scene, ray, counters);
-                if constexpr (integrator == Integrator::exact) return exact_ray(points, scene, ray, counters);
-                if constexpr (integrator == Integrator::iso) return iso_ray(points, scene, ray, counters);
-                if constexpr (integrator == Integrator::project) return project_ray(points, scene, ray, counters);
-            });
-    }
+    if (tile.x0 < tile.x1) draw_pixel<integrator>(points, scene, tile, pixels, counters);
     add_counters(counters, totals);
 }
 
@@ -47,7 +38,7 @@ __global__ void __launch_bounds__(block_x* block_y, blocks_of(blocks))
                  float* pixels, unsigned long long* totals) {
     Tile const tile = pixel_of_thread(bands);
     NoScratch none;
-    TreePoints<T, NoScratch> const points{tree, scene.cells, scene.shown.lower, scene.shown.upper, none};
+    TreePoints<T, NoScratch> const points = points_of<T>(tree, scene, none);
     Counters counters;
     if (tile.x0 < tile.x1)
         for_middles(scene, tile, pixels, scene.frame.width, 1, [&](Ray const& ray) {
@@ -93,40 +84,14 @@ void launch(SceneView const& scene, TreeView const& tree, Bands const& bands, fl
     check_launch("render");
 }
 
-template <Integrator integrator>
-void launch_type(SceneView const& scene, TreeView const& tree, Bands const& bands, float* pixels,
-                 unsigned long long* totals) {
-    switch (tree.type) {
-    case LatticeType::uint8:
-        return launch<integrator, std::uint8_t>(scene, tree, bands, pixels, totals);
-    case LatticeType::uint16:
-        return launch<integrator, std::uint16_t>(scene, tree, bands, pixels, totals);
-    case LatticeType::int16:
-        return launch<integrator, std::int16_t>(scene, tree, bands, pixels, totals);
-    case LatticeType::float32:
-        return launch<integrator, float>(scene, tree, bands, pixels, totals);
-    }
-}
-
 } // namespace
 
 void launch_drawing(SceneView const& scene, TreeView const& tree, Integrator integrator, Bands const& bands,
                     float* pixels, std::uint64_t* totals) {
     auto* const counts = reinterpret_cast<unsigned long long*>(totals);
-    switch (integrator) {
-    case Integrator::march:
-        return launch_type<Integrator::march>(scene, tree, bands, pixels, counts);
-    case Integrator::exact:
-        return launch_type<Integrator::exact>(scene, tree, bands, pixels, counts);
-    case Integrator::iso:
-        return launch_type<Integrator::iso>(scene, tree, bands, pixels, counts);
-    case Integrator::project:
-        return launch_type<Integrator::project>(scene, tree, bands, pixels, counts);
-    case Integrator::scatter:
-        return launch_type<Integrator::scatter>(scene, tree, bands, pixels, counts);
-    default:
-        throw Error(ErrorKind::failure, "what is beside a picture is not drawn on a GPU");
-    }
+    with_integrator(integrator, [&]<Integrator drawn>(std::integral_constant<Integrator, drawn>) {
+        with_lattice_type(tree.type, [&]<class T>(T) { launch<drawn, T>(scene, tree, bands, pixels, counts); });
+    });
 }
 
 } // namespace vkt::render
