@@ -28,8 +28,10 @@ template <class T> std::set<float> values_in(LatticeView const& lattice, Index3 
                 T const* row = static_cast<T const*>(lattice.data) + lattice_padding +
                                (y + lattice_padding) * lattice.row + (z + lattice_padding) * lattice.slice;
                 if (mine.size() > most_labels) continue;
-                for (std::int64_t x = 0; x < dims.x; ++x)
-                    if ((x == 0 || row[x] != row[x - 1]) && row[x] == row[x]) mine.insert(static_cast<float>(row[x]));
+                for (std::int64_t x = 0; x < dims.x; ++x) {
+                    auto const value = static_cast<float>(row[x]);
+                    if ((x == 0 || row[x] != row[x - 1]) && !std::isnan(value)) mine.insert(value);
+                }
             }
 #pragma omp critical
         if (all.size() <= most_labels) all.merge(mine);
