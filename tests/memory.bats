@@ -6,13 +6,14 @@ setup_more() {
     export OMP_WAIT_POLICY=passive
 }
 
-# peak COMMAND…: its largest resident set in MiB.
-peak() {
+# peak_kib COMMAND…: its largest resident set in KiB; peak: in MiB.
+peak_kib() {
     /usr/bin/python3 -c '
 import resource, subprocess, sys
 subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)' "$@"
 }
+peak() { echo $(($(peak_kib "$@") / 1024)); }
 
 @test "eight times the volume takes no more memory" {
     vkt make noise --dims 256 256 48 --dtype float32 -o small.nrrd
@@ -134,11 +135,12 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
 # What each thread holds of its own: rows that are filtered and summed, blocks that are compressed.
 @test "as many threads run as the budget has room for, with the same result" {
     vkt make noise --dims 8 8 8 -o tiny.nrrd
-    within() { # within MIB COMMAND…: runs and keeps the budget, beside what a tiny volume takes.
+    shopt -s extglob
+    within() { # within COMMAND…: runs and keeps the budget of $mib MiB, beside what the command takes for a tiny volume.
         local base most
-        base=$(peak vkt flip x tiny.nrrd --threads 64)
-        most=$(peak "${@:2}")
-        [ "$most" -le $((base + $1)) ] || { echo "$most MiB beside $base: ${*:2}" >&2; false; }
+        base=$(peak_kib "${@/%@(cube|wide|whole).nrrd/tiny.nrrd}" --force)
+        most=$(peak_kib "${@}" --force)
+        [ "$most" -le $((base + 1024 * mib)) ] || { echo "$most KiB beside $base: $*" >&2; false; }
     }
     vkt make noise --dims 256 256 64 --dtype float32 -o cube.nrrd
     vkt make noise --dims 100000 4 6 --dtype float32 -o wide.nrrd
@@ -147,7 +149,7 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
         # shellcheck disable=SC2086
         vkt $command --threads 1 --memory 2G --format raw -o one.raw --force
         # shellcheck disable=SC2086
-        within "$mib" vkt $command --threads 64 --memory "${mib}M" --format raw -o many.raw --force
+        within vkt $command --threads 64 --memory "${mib}M" --format raw -o many.raw
         cmp one.raw many.raw
     done <<'EOF'
 4 filter gaussian cube.nrrd --sigma 2
@@ -167,7 +169,8 @@ EOF
     # Compression.
     for format in nrrd mha; do
         vkt write cube.nrrd one.$format --compress --force --threads 1
-        within 8 vkt write cube.nrrd many.$format --compress --force --threads 64 --memory 8M
+        mib=8
+        within vkt write cube.nrrd many.$format --compress --threads 64 --memory 8M
         cmp one.$format many.$format
     done
 }
