@@ -80,7 +80,7 @@ masked = (smooth + rng.normal(0, 5, smooth.shape)); masked[:40] = 0; masked.asty
 @test "bricks in the smallest type, and of the best size, keep to the tolerance" {
     field
     vkt arith mul smooth.nrrd 1000 -o large.nrrd
-    for words in '--dtype auto' '--block-size auto' '--dtype auto --block-size auto --method nearest'; do
+    for words in '--dtype auto' '--block-size auto' '--dtype auto --block-size auto --method nearest' '--block-size mixed'; do
         # shellcheck disable=SC2086
         vkt refine large.nrrd --tolerance 10 $words -o tree.vkt --force 2>said
         method=basis
@@ -195,7 +195,7 @@ assert b.any() and (a == b).all(), (a != b).sum()"
     vkt make sphere --dims 84 61 50 --radius 20 --edge coverage | vkt filter gaussian --sigma 2 | vkt arith mul - 4000 |
         vkt convert --dtype uint16 -o v.nrrd
     vkt write v.nrrd v_84x61x50_uint16.raw --format raw
-    for words in '' '--block-size 4' '--block-size 4 --background 0' '--block-size 7 --levels 3'; do
+    for words in '' '--block-size 4' '--block-size 4 --background 0' '--block-size 7 --levels 3' '--block-size mixed' '--block-size mixed --background 0'; do
         # shellcheck disable=SC2086
         vkt refine v.nrrd --tolerance 20 $words -o tree.vkt --force
         vkt info tree.vkt --json >info.json
@@ -240,7 +240,9 @@ EOF
 @test "at the level of the noise trees are a fraction of the scans, bricks and their places" {
     needs_data raw
     needs_data nifti
-    for case in 'raw/stent_128x128x256_int16.raw 8388608 6' 'nifti/MNI152_2009_template.nii.gz 17059922 4'; do
+    needs_data nrrd
+    for case in 'raw/stent_128x128x256_int16.raw 8388608 6' 'nifti/MNI152_2009_template.nii.gz 17059922 4' \
+        'nrrd/template_T2.nrrd 9375912 4'; do
         read -r file bytes times <<<"$case"
         vkt refine "$VKT_DATA/$file" --tolerance noise --dtype auto --block-size auto -o tree.vkt --force 2>said
         cat said

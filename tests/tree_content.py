@@ -21,8 +21,9 @@ def recorded_bricks(payload):
 def packed_bricks(header, payload):
     """The same of a PACK payload."""
     dims, levels = header["dims"], header["levels"]
-    *block, words = struct.unpack_from("<4I", payload, HEAD)
-    bits = [(levels - 1).bit_length()] + [((n - 1) // b).bit_length() for n, b in zip(dims, block)]
+    *block, words, doublings = struct.unpack_from("<3I2H", payload, HEAD)
+    bits = [(levels - 1).bit_length(), doublings.bit_length()]
+    bits += [((n - 1) // b).bit_length() for n, b in zip(dims, block)]
     if words != (1 if sum(bits) <= 32 else 2):
         raise SystemExit(f"{words} words for {bits} bits")
     bricks = []
@@ -31,10 +32,10 @@ def packed_bricks(header, payload):
         for n in bits:
             fields.append(number & ((1 << n) - 1))
             number >>= n
-        level, *at = fields
+        level, doubled, *at = fields
         lower = [i * b for i, b in zip(at, block)]
-        own = [min(b, (n - l) >> (level if n > 1 else 0)) for n, l, b in zip(dims, lower, block)]
-        if number or level >= levels or min(own) < 1:
+        own = [min(b << doubled, (n - l) >> level) if n > 1 else 1 for n, l, b in zip(dims, lower, block)]
+        if number or level >= levels or doubled > doublings or min(own) < 1:
             raise SystemExit(f"no brick: {fields}")
         bricks.append((*lower, *own, level))
     return bricks

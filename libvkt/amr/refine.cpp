@@ -40,7 +40,7 @@ public:
     Volume run() {
         drop_background();
         for (;;) {
-            Volume result = build();
+            Volume result = build(options_.largest >= 2 * options_.block ? merged() : bricks());
             if (!split_failures(result)) return result;
         }
     }
@@ -279,8 +279,76 @@ private:
         return list;
     }
 
-    Volume build() {
-        std::vector<Brick> list = bricks();
+    /// Blocks of cells of which eight are one at the next scale if they have the same level; others have the level
+    /// none.
+    struct Scale {
+        Index3 dims;
+        std::vector<signed char> level;
+
+        signed char at(Index3 b) const { return level[static_cast<std::size_t>((b.z * dims.y + b.y) * dims.x + b.x)]; }
+    };
+    static constexpr signed char none = -2;
+
+    /// Scale 0 are the finest blocks; blocks that end with the volume before they are whole have no level above it.
+    std::vector<Scale> scales() const {
+        std::vector<Scale> all{{blocks_, leaf_level_}};
+        Index3 const step = cell_width(n_, 1);
+        for (Index3 size = block_; all.back().dims != Index3{1, 1, 1};) {
+            Scale const& fine = all.back();
+            Scale next;
+            for (int a = 0; a < 3; ++a) {
+                size[a] *= step[a];
+                next.dims[a] = std::max<std::int64_t>(n_[a] / size[a], 0);
+            }
+            if (next.dims.x * next.dims.y * next.dims.z == 0) break;
+            Index3 b;
+            for (b.z = 0; b.z < next.dims.z; ++b.z)
+                for (b.y = 0; b.y < next.dims.y; ++b.y)
+                    for (b.x = 0; b.x < next.dims.x; ++b.x) {
+                        Index3 const first{b.x * step.x, b.y * step.y, b.z * step.z};
+                        signed char level = fine.at(first);
+                        for (int corner = 1; corner < 8; ++corner) {
+                            Index3 at = first;
+                            for (int a = 0; a < 3; ++a)
+                                if (step[a] > 1) at[a] += corner >> a & 1;
+                            if (fine.at(at) != level) level = none;
+                        }
+                        next.level.push_back(level);
+                    }
+            all.push_back(std::move(next));
+        }
+        return all;
+    }
+
+    /// bricks() of mixed sizes.
+    std::vector<Brick> merged() {
+        std::vector<Scale> const all = scales();
+        std::vector<Brick> list;
+        for (Brick brick : bricks()) {
+            bool first = true; // of those that it becomes one with
+            for (int times = 2, scale = brick.level + 1; times * options_.block <= options_.largest;
+                 times *= 2, ++scale) {
+                if (static_cast<std::size_t>(scale) >= all.size()) break;
+                Index3 const width = cell_width(n_, scale);
+                Index3 block;
+                bool inside = true;
+                for (int a = 0; a < 3; ++a) {
+                    block[a] = brick.lower[a] / (block_[a] * width[a]);
+                    inside = inside && block[a] < all[static_cast<std::size_t>(scale)].dims[a];
+                }
+                if (!inside || all[static_cast<std::size_t>(scale)].at(block) != brick.level) break;
+                first = true;
+                for (int a = 0; a < 3; ++a) {
+                    first = first && brick.lower[a] == block[a] * block_[a] * width[a];
+                    brick.dims[a] = n_[a] == 1 ? 1 : block_[a] * times;
+                }
+            }
+            if (first) list.push_back(brick);
+        }
+        return list;
+    }
+
+    Volume build(std::vector<Brick> list) {
         if (list.empty()) { // everything is background: one block keeps the volume a volume
             leaf({0, 0, 0}) = 0;
             list = bricks();
@@ -305,7 +373,7 @@ private:
         return result;
     }
 
-    /// Compares the reconstruction with the voxels; coarse bricks that had a part in a failure are split. False if all
+    /// Compares the reconstruction with the voxels; coarse blocks that had a part in a failure are split. False if all
     /// is well. Fine bricks return their voxels wherever no coarse brick reaches, so this ends.
     bool split_failures(Volume const& tree) {
         double const background = options_.background.value_or(0);
@@ -313,7 +381,7 @@ private:
         grid.dims = n_;
         Reconstructor const reconstructor(tree, grid, options_.method, background);
         BrickIndex const index(n_, tree.bricks());
-        std::vector<std::uint8_t> failed(tree.bricks().size(), 0);
+        std::vector<std::uint8_t> failed(leaf_level_.size(), 0); // by the first of their finest blocks
         std::vector<std::int32_t> near;
         bool const gradient = options_.gradient_spacing.has_value();
         std::int64_t const beyond = gradient ? 1 : 0; // slices
@@ -341,17 +409,41 @@ private:
                         index.query(from, to, near);
                         for (std::int32_t const id : near) {
                             Brick const& brick = tree.bricks()[static_cast<std::size_t>(id)];
-                            if (brick.level == 0 || failed[static_cast<std::size_t>(id)] != 0 ||
-                                !domain_meets(brick, n_, from, to))
-                                continue;
-                            failed[static_cast<std::size_t>(id)] = 1;
-                            any = true;
+                            if (brick.level == 0) continue;
+                            for_each_block(brick, [&](Brick const& block) {
+                                std::uint8_t& mark = failed[leaf_index(block)];
+                                if (mark != 0 || !domain_meets(block, n_, from, to)) return;
+                                mark = 1;
+                                any = true;
+                            });
                         }
                     }
         }
-        for (std::size_t b = 0; b < failed.size(); ++b)
-            if (failed[b] != 0) mark(tree.bricks()[b], static_cast<signed char>(tree.bricks()[b].level - 1));
+        for (Brick const& brick : tree.bricks())
+            for_each_block(brick, [&](Brick const& block) {
+                if (failed[leaf_index(block)] != 0) mark(block, static_cast<signed char>(block.level - 1));
+            });
         return any;
+    }
+
+    /// The blocks that a brick was joined of.
+    template <class F> void for_each_block(Brick const& brick, F const& f) const {
+        Index3 const width = cell_width(n_, brick.level);
+        Brick block = brick;
+        for (std::int64_t z = 0; z < brick.dims.z; z += block_.z)
+            for (std::int64_t y = 0; y < brick.dims.y; y += block_.y)
+                for (std::int64_t x = 0; x < brick.dims.x; x += block_.x) {
+                    block.lower = {brick.lower.x + x * width.x, brick.lower.y + y * width.y,
+                                   brick.lower.z + z * width.z};
+                    for (int a = 0; a < 3; ++a)
+                        block.dims[a] = std::min(block_[a], brick.dims[a] - (a == 0 ? x : a == 1 ? y : z));
+                    f(block);
+                }
+    }
+
+    std::size_t leaf_index(Brick const& block) const {
+        Index3 const& at = block.lower;
+        return static_cast<std::size_t>((at.z / block_.z * blocks_.y + at.y / block_.y) * blocks_.x + at.x / block_.x);
     }
 
     Volume const& volume_;

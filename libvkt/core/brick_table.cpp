@@ -20,11 +20,45 @@ double volume(Index3 n) { return static_cast<double>(n.x) * static_cast<double>(
 
 int bits_for(std::int64_t largest) { return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(largest))); }
 
+/// The packing that suits bricks if any does: their largest extents are those of the block, doubled as often as the
+/// smallest of those bricks need that do not end with the grid.
+std::optional<BrickPacking> packing_of(Index3 logical, std::vector<Brick> const& bricks) {
+    Index3 largest{1, 1, 1};
+    int levels = 1;
+    for (Brick const& brick : bricks) {
+        if (brick.level < 0) return std::nullopt;
+        levels = std::max(levels, brick.level + 1);
+        for (int a = 0; a < 3; ++a) largest[a] = std::max(largest[a], brick.dims[a]);
+    }
+    if (bricks.empty() || levels > max_level + 1) return std::nullopt;
+    for (int a = 0; a < 3; ++a)
+        if (largest[a] > std::min<std::int64_t>(logical[a], largest_block)) return std::nullopt;
+    int doublings = 0;
+    for (Brick const& brick : bricks)
+        for (int a = 0; a < 3; ++a) {
+            std::int64_t const width = logical[a] == 1 ? 1 : brick.cell_width();
+            bool const ends = brick.lower[a] > logical[a] - (brick.dims[a] + 1) * width; // no room for one more cell
+            if (logical[a] == 1 || ends) continue;
+            if (brick.dims[a] < 1) return std::nullopt;
+            doublings = std::max(doublings, bits_for((largest[a] - 1) / brick.dims[a]));
+        }
+    if (doublings > BrickPacking::most_doublings) return std::nullopt;
+    Index3 block = largest;
+    for (int a = 0; a < 3; ++a) {
+        if (logical[a] == 1) continue;
+        if (largest[a] % (std::int64_t{1} << doublings) != 0) return std::nullopt;
+        block[a] >>= doublings;
+    }
+    BrickPacking const packing(logical, block, levels, doublings);
+    return packing.words() > 0 ? std::optional(packing) : std::nullopt;
+}
+
 } // namespace
 
-BrickPacking::BrickPacking(Index3 logical, Index3 block, int levels)
-    : logical_(logical), block_(block), levels_(levels), level_bits_(bits_for(levels - 1)) {
-    int bits = level_bits_;
+BrickPacking::BrickPacking(Index3 logical, Index3 block, int levels, int doublings)
+    : logical_(logical), block_(block), levels_(levels), doublings_(doublings), level_bits_(bits_for(levels - 1)),
+      doubling_bits_(bits_for(doublings)) {
+    int bits = level_bits_ + doubling_bits_;
     for (int a = 0; a < 3; ++a) {
         bits_[a] = bits_for((logical[a] - 1) / block[a]);
         bits += bits_[a];
@@ -37,7 +71,8 @@ std::optional<BrickPacking> BrickPacking::of_record(PackingRecord const& record,
     for (int a = 0; a < 3; ++a)
         if (block[a] < 1 || block[a] > header.dims[a]) return std::nullopt;
     if (header.level_count < 1 || header.level_count > max_level + 1) return std::nullopt;
-    BrickPacking const packing(header.dims, block, header.level_count);
+    if (record.doublings > most_doublings) return std::nullopt;
+    BrickPacking const packing(header.dims, block, header.level_count, record.doublings);
     if (packing.words() == 0 || packing.words() != record.words) return std::nullopt;
     return packing;
 }
@@ -45,13 +80,14 @@ std::optional<BrickPacking> BrickPacking::of_record(PackingRecord const& record,
 PackingRecord BrickPacking::record() const {
     return {
         {static_cast<std::int32_t>(block_.x), static_cast<std::int32_t>(block_.y), static_cast<std::int32_t>(block_.z)},
-        static_cast<std::uint32_t>(words_)};
+        static_cast<std::uint16_t>(words_),
+        static_cast<std::uint16_t>(doublings_)};
 }
 
 std::optional<std::uint64_t> BrickPacking::pack(Brick const& brick) const {
     if (brick.level < 0 || brick.level >= levels_) return std::nullopt;
     auto number = static_cast<std::uint64_t>(brick.level);
-    int shift = level_bits_;
+    int shift = level_bits_ + doubling_bits_;
     for (int a = 0; a < 3; ++a) {
         std::int64_t const width = logical_[a] == 1 ? 1 : brick.cell_width();
         if (brick.lower[a] < 0 || brick.lower[a] >= logical_[a] || brick.lower[a] % block_[a] != 0 ||
@@ -60,8 +96,13 @@ std::optional<std::uint64_t> BrickPacking::pack(Brick const& brick) const {
         if (bits_[a] > 0) number |= static_cast<std::uint64_t>(brick.lower[a] / block_[a]) << shift;
         shift += bits_[a];
     }
-    if (brick.dims.x < 1 || brick.dims.y < 1 || brick.dims.z < 1 || !(unpack(number) == brick)) return std::nullopt;
-    return number;
+    if (brick.dims.x < 1 || brick.dims.y < 1 || brick.dims.z < 1) return std::nullopt;
+    // At the end of the grid several sizes may be the same brick: it has the number of the smallest.
+    for (int doubled = 0; doubled <= doublings_; ++doubled) {
+        std::uint64_t const sized = number | static_cast<std::uint64_t>(doubled) << level_bits_;
+        if (unpack(sized) == brick) return sized;
+    }
+    return std::nullopt;
 }
 
 Brick BrickPacking::unpack(std::uint64_t number) const {
@@ -72,26 +113,20 @@ Brick BrickPacking::unpack(std::uint64_t number) const {
         return static_cast<std::int64_t>(low);
     };
     brick.level = static_cast<int>(take(level_bits_));
+    std::int64_t const times = std::int64_t{1} << take(doubling_bits_);
     for (int a = 0; a < 3; ++a) {
         brick.lower[a] = take(bits_[a]) * block_[a];
         std::int64_t const left = (logical_[a] - brick.lower[a]) >> (logical_[a] == 1 ? 0 : brick.level);
-        brick.dims[a] = std::min(block_[a], left);
+        brick.dims[a] = std::min(logical_[a] == 1 ? block_[a] : block_[a] * times, left);
     }
     return brick;
 }
 
 BrickTable::BrickTable(Index3 logical, std::vector<Brick> bricks) : size_(bricks.size()) {
     auto owned = std::make_shared<Owned>();
-    Index3 block{1, 1, 1};
-    int levels = 1;
-    for (Brick const& brick : bricks) {
-        levels = std::max(levels, brick.level + 1);
-        for (int a = 0; a < 3; ++a) block[a] = std::max(block[a], brick.dims[a]);
-    }
-    bool packs = size_ > 0 && levels <= max_level + 1;
-    for (int a = 0; a < 3; ++a) packs = packs && block[a] <= std::min<std::int64_t>(logical[a], largest_block);
-    if (packs) packing_ = BrickPacking(logical, block, levels);
-    packs = packs && packing_.words() > 0;
+    auto const packing = packing_of(logical, bricks);
+    bool packs = packing.has_value();
+    if (packs) packing_ = *packing;
     if (packs) owned->words.reserve(size_ * packing_.words());
     for (std::size_t i = 0; packs && i < size_; ++i) {
         auto const number = packing_.pack(bricks[i]);

@@ -17,19 +17,22 @@ namespace vkt {
 /// How streams and segments state a packing, beside the extents and the number of levels in their header.
 struct PackingRecord {
     std::int32_t block[3] = {};
-    std::uint32_t words = 0; ///< of 32 bits for each brick
+    std::uint16_t words = 0;     ///< of 32 bits for each brick
+    std::uint16_t doublings = 0; ///< how often a brick may be twice as large
 };
 static_assert(sizeof(PackingRecord) == 16);
 
 /// Regular bricks as numbers. They lie at multiples of one block, counted in finest cells, and of their own cells, and
-/// have as many cells as the block, or as many whole ones as fit before the end of the logical grid. The number has the
-/// level in its lowest bits, and above it the multiples along x, y and z, each in as many bits as the logical grid
+/// have as many cells as the block, or twice, four times, … as many along every axis of more than one cell, or as many
+/// whole ones as fit before the end of the logical grid. The number has the level in its lowest bits, above it how
+/// often the block is doubled, and above that the multiples along x, y and z, each in as many bits as the logical grid
 /// needs.
 class BrickPacking {
 public:
     BrickPacking() = default;
-    /// block: 1 … logical along each axis; levels: 1 + the coarsest level.
-    BrickPacking(Index3 logical, Index3 block, int levels);
+    static constexpr int most_doublings = 7;
+    /// block: 1 … logical along each axis; levels: 1 + the coarsest level; doublings: 0 … most_doublings.
+    BrickPacking(Index3 logical, Index3 block, int levels, int doublings = 0);
 
     /// None if the record states none that the header allows.
     static std::optional<BrickPacking> of_record(PackingRecord const& record, Header const& header);
@@ -45,7 +48,7 @@ public:
 
 private:
     Index3 logical_{1, 1, 1}, block_{1, 1, 1};
-    int levels_ = 1, level_bits_ = 0, bits_[3] = {};
+    int levels_ = 1, doublings_ = 0, level_bits_ = 0, doubling_bits_ = 0, bits_[3] = {};
     std::size_t words_ = 0;
 };
 

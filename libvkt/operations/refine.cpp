@@ -20,6 +20,8 @@
 namespace vkt {
 namespace {
 
+constexpr std::int64_t mixed_cells = 2, largest_mixed = 16;
+
 std::size_t bytes_of(Volume const& tree) { return tree.header().bytes() + tree.bricks().bytes(); }
 
 render::TransferFunction transfer_of(std::string const& words) {
@@ -120,8 +122,9 @@ RefineTolerance ValueText<RefineTolerance>::read(std::vector<std::string> const&
 }
 
 BlockSize ValueText<BlockSize>::read(std::vector<std::string> const& w, std::string_view name) {
-    if (w.front() == "auto") return {8, true};
-    return {ValueText<std::int64_t>::read(w, name), false};
+    if (w.front() == "auto") return {.best = true};
+    if (w.front() == "mixed") return {.mixed = true};
+    return {.cells = ValueText<std::int64_t>::read(w, name)};
 }
 
 Texts Refine::texts() const {
@@ -148,7 +151,8 @@ void Refine::parameters(Parameters& p) {
     p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
     p.option("transfer", transfer, "FILE",
              "with --metric transfer: the transfer function, a JSON file or the JSON itself");
-    p.option("block-size", block, "N", "cells of a block along each axis, 1 to 64, or auto: the best of 4, 8, 16");
+    p.option("block-size", block, "N",
+             "cells of a block along each axis, 1 to 64; mixed: 2 to 16; auto: the best of 4, 8, 16, mixed");
     p.option("levels", levels, "N", "most levels, 1 to 16");
     p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
     p.option("dtype", dtype, "TYPE", "auto: store cells in the smallest type that a quarter of the tolerance allows");
@@ -195,10 +199,13 @@ Plan Refine::plan(std::span<Header const> inputs) {
     plan.output = input_;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
     plan.output.level_count = 1;
-    plan.method =
-        text("blocks of ", block.best ? std::string("4, 8 or 16") : to_text(block.cells), " cells a side, at most ",
-             levels, " levels, ", enum_name(method), tolerance.noise ? ", as exact as the noise" : "",
-             metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
+    plan.method = text("blocks of ",
+                       block.best    ? "4, 8, 16 or mixed"
+                       : block.mixed ? "2 to 16"
+                                     : to_text(block.cells),
+                       " cells a side, at most ", levels, " levels, ", enum_name(method),
+                       tolerance.noise ? ", as exact as the noise" : "",
+                       metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
     plan.error.kind = ErrorBound::Kind::bound;
     plan.error.absolute = tolerance.value;
     if (metric == RefineMetric::gradient) plan.error.quantity = "gradients";
@@ -218,8 +225,12 @@ Plan Refine::plan(std::span<Header const> inputs) {
 /// Of the block sizes that are asked for the one that takes the fewest bytes.
 Volume Refine::best(Volume const& volume, RefineOptions options, Execution const& execution) const {
     std::optional<Volume> smallest;
-    for (std::int64_t const cells : block.best ? std::vector<std::int64_t>{4, 8, 16} : std::vector{block.cells}) {
+    std::vector<std::int64_t> sizes{block.mixed ? mixed_cells : block.cells};
+    if (block.best) sizes = {4, 8, 16, mixed_cells};
+    for (std::int64_t const cells : sizes) {
+        bool const mixed = block.mixed || (block.best && cells == mixed_cells);
         options.block = cells;
+        options.largest = mixed ? largest_mixed : 0;
         Volume tree = refine(volume, options, execution);
         if (!smallest || bytes_of(tree) < bytes_of(*smallest)) smallest = std::move(tree);
     }
@@ -262,7 +273,7 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
     if (background) options.background = values.stored(*background);
     output = best(stored, options, execution);
     error_ = used_;
-    if (tolerance.noise || dtype || block.best) {
+    if (tolerance.noise || dtype || block.best || block.mixed) {
         double const before = static_cast<double>(input.header().bytes()), now = static_cast<double>(bytes_of(output));
         found_ = text(tolerance.noise ? text("noise ", noise_, " (robust estimate), tolerance ", used_, ": ")
                                       : std::string(),

@@ -23,14 +23,17 @@ template <> struct ValueText<RefineTolerance> : OneWord {
     static std::vector<std::string> write(RefineTolerance v) { return {v.noise ? "noise" : to_text(v.value)}; }
 };
 
-/// Cells of a block along each axis, or the best of 4, 8 and 16.
+/// Cells of a block along each axis; or mixed: blocks of 2 cells, joined to larger ones where all of these have one
+/// level; or the best of 4, 8, 16 and mixed.
 struct BlockSize {
     std::int64_t cells = 8;
-    bool best = false;
+    bool mixed = false, best = false;
 };
 template <> struct ValueText<BlockSize> : OneWord {
     static BlockSize read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(BlockSize v) { return {v.best ? "auto" : to_text(v.cells)}; }
+    static std::vector<std::string> write(BlockSize v) {
+        return {v.best ? "auto" : v.mixed ? "mixed" : to_text(v.cells)};
+    }
 };
 
 /// What is to differ by no more than the tolerance.

@@ -97,6 +97,44 @@ TEST(BrickTable, PackedBricksAreThoseOfTheirRecords) {
     EXPECT_EQ(table.list(), wide);
 }
 
+TEST(BrickTable, SizesMayBeDoubled) {
+    struct Case {
+        Index3 dims;
+        std::vector<Brick> bricks;
+        std::size_t words;
+    };
+    for (Case const& c :
+         {Case{{16, 8, 8}, {{{0, 0, 0}, {8, 8, 8}, 0}, {{8, 0, 0}, {2, 2, 2}, 0}, {{12, 4, 4}, {2, 2, 2}, 1}}, 1},
+          // Short at the end of the grid, of which the size cannot be told; and one that is as large as the grid is
+          // thick.
+          Case{{11, 8, 7}, {{{0, 0, 0}, {8, 8, 7}, 0}, {{8, 0, 0}, {2, 2, 2}, 0}, {{10, 0, 0}, {1, 2, 2}, 0}}, 1},
+          Case{{32, 16, 1}, {{{0, 0, 0}, {16, 16, 1}, 0}, {{16, 0, 0}, {4, 4, 1}, 0}, {{24, 8, 0}, {4, 4, 1}, 1}}, 1},
+          Case{{1 << 20, 1 << 20, 4096}, {{{0, 0, 0}, {32, 32, 32}, 0}, {{64, 64, 64}, {4, 4, 4}, 3}}, 2}}) {
+        BrickTable const table(c.dims, c.bricks);
+        ASSERT_EQ(table.words().size(), c.bricks.size() * c.words);
+        EXPECT_EQ(table.list(), c.bricks);
+        EXPECT_EQ(table.offset(2), c.bricks[0].cells() + c.bricks[1].cells());
+        Header const header = header_of(c.dims, c.bricks);
+        PackingRecord const record = table.packing_for(header);
+        EXPECT_GT(record.doublings, 0);
+        auto const packing = BrickPacking::of_record(record, header);
+        ASSERT_TRUE(packing);
+        EXPECT_TRUE(table_of_numbers(*packing, words_of(table), header) == table);
+        // What is doubled more often than the record says, or than is needed at the end of the grid, is no brick.
+        std::vector<std::uint32_t> words = words_of(table);
+        words[0] |= 6U << 1;
+        EXPECT_THROW(table_of_numbers(*packing, std::move(words), header), Error);
+    }
+    for (std::vector<Brick> const& bricks :
+         {std::vector<Brick>{{{0, 0, 0}, {6, 6, 6}, 0}, {{6, 0, 0}, {2, 2, 2}, 0}},            // three times as large
+          std::vector<Brick>{{{0, 0, 0}, {4, 4, 4}, 0}, {{4, 0, 0}, {4, 4, 2}, 0}},            // doubled along two axes
+          std::vector<Brick>{{{0, 0, 0}, {256, 256, 256}, 0}, {{256, 0, 0}, {1, 1, 1}, 0}}}) { // too often
+        BrickTable const table({512, 512, 512}, bricks);
+        EXPECT_TRUE(table.words().empty());
+        EXPECT_EQ(table.list(), bricks);
+    }
+}
+
 TEST(BrickTable, OtherBricksKeepTheirRecords) {
     Index3 const dims{32, 32, 32};
     for (std::vector<Brick> const& bricks :
@@ -122,7 +160,8 @@ TEST(BrickTable, ForgedTablesAreRefused) {
     auto const packing = *BrickPacking::of_record(record, header);
     for (PackingRecord const& forged :
          {PackingRecord{{0, 4, 4}, 1}, PackingRecord{{-4, 4, 4}, 1}, PackingRecord{{38, 4, 4}, 1},
-          PackingRecord{{4, 4, 4}, 0}, PackingRecord{{4, 4, 4}, 2}, PackingRecord{{4, 4, 4}, 0x80000000U}})
+          PackingRecord{{4, 4, 4}, 0}, PackingRecord{{4, 4, 4}, 2}, PackingRecord{{4, 4, 4}, 0x8000},
+          PackingRecord{{4, 4, 4}, 1, 8}, PackingRecord{{4, 4, 4}, 1, 0x8000}})
         EXPECT_FALSE(BrickPacking::of_record(forged, header));
     Header other = header;
     for (int const levels : {0, -1, max_level + 2, 1 << 30}) {
