@@ -93,7 +93,10 @@ bool only_planned(Operation& reduction, Measurement& of) {
     Plan plan = reduction.plan(headers);
     plan.output.dry_run = std::ranges::any_of(headers, [](Header const& header) { return header.dry_run; });
     if (of.info.on_plan) of.info.on_plan(plan, headers);
-    if (!plan.output.dry_run) return false;
+    if (!plan.output.dry_run) {
+        reduction.begin(headers, plan);
+        return false;
+    }
     for (auto const& input : of.inputs) input->finish();
     return true;
 }
@@ -175,7 +178,7 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
     return execution;
 }
 
-Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs) {
+Execution on_whole_volumes(Execution execution, Operation const& operation, std::vector<Header> const& inputs) {
     bool const hierarchical =
         std::ranges::any_of(inputs, [](Header const& header) { return header.kind == Kind::hierarchical; });
     if (execution.slab > 0 || execution.device == Device::gpu || inputs.empty() || hierarchical) return execution;
@@ -203,6 +206,7 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
         source.finish();
         return tell_remarks(reduction, info);
     }
+    reduction.begin(headers, plan);
     Execution const beside = beside_neighbours(execution, plan, info);
     if (plan.scans && source.access() == Access::forward) {
         auto const again = spooled(source, 1, execution, info);
