@@ -90,8 +90,8 @@ public:
     /// Checks that need no input, right after parsing; throws Error{usage}.
     virtual void check() const {}
 
-    /// Validates against the inputs' headers and describes the output. Changes nothing: dry runs, budgets and previews ask
-    /// as often as they like, and of a volume that is being worked on, too.
+    /// Validates against the inputs' headers and describes the output. Changes nothing: dry runs, budgets and previews
+    /// ask as often as they like, and of a volume that is being worked on, too.
     virtual Plan plan(std::span<Header const> inputs) const = 0;
     /// A volume begins that was planned so, from the same headers: what was kept or counted of the one before is gone,
     /// and what footprint(), fit(), scan() and run() work with is made. Once per volume, before any of them; cheap,
@@ -116,9 +116,8 @@ public:
     /// and error, and a type of no more bytes than was planned. All else has been settled and must stay.
     virtual void after_scan(Plan& /*plan*/) const {}
 
-    /// Regions for run() will be no larger than this. Returns the bytes that the operation is going to
-    /// hold for such regions, besides them and their footprints; it may be asked about several before it runs, and the
-    /// last counts.
+    /// Regions for run() will be no larger than this. Returns the bytes that the operation is going to hold for such
+    /// regions, besides them and their footprints; it may be asked about several before it runs, and the last counts.
     virtual std::size_t fit(Index3 /*largest*/, Execution const&) { return 0; }
 
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().

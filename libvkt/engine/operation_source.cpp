@@ -197,8 +197,8 @@ void OperationSource::plan_volume() {
     if (trees && !alone) return run_on_tree(headers);
     plan_ = operation_.plan(headers);
     if (trees && plan_.output.kind == Kind::hierarchical) return run_on_tree(headers);
-    operation_.begin(headers, plan_);
     check_result(plan_.output);
+    operation_.begin(headers, plan_);
     if (!headers.empty()) {
         plan_.output.dry_run = headers.front().dry_run;
         plan_.output.timing = headers.front().timing;

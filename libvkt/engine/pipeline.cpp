@@ -90,13 +90,10 @@ void Operation::measure(Measurement& to) {
 
 bool only_planned(Operation& reduction, Measurement& of) {
     auto const headers = collect(of.inputs, [](auto const& input) { return input->header(); });
-    Plan plan = reduction.plan(headers);
+    Plan plan = begun(reduction, headers);
     plan.output.dry_run = std::ranges::any_of(headers, [](Header const& header) { return header.dry_run; });
     if (of.info.on_plan) of.info.on_plan(plan, headers);
-    if (!plan.output.dry_run) {
-        reduction.begin(headers, plan);
-        return false;
-    }
+    if (!plan.output.dry_run) return false;
     for (auto const& input : of.inputs) input->finish();
     return true;
 }
@@ -197,16 +194,17 @@ void refuse_cpu(std::string const& what) {
 
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
+    bool const tree = headers.front().kind == Kind::hierarchical;
     Plan const plan = reduction.plan(headers);
+    if (!tree) reduction.begin(headers, plan);
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
-    if (headers.front().kind == Kind::hierarchical) {
+    if (tree) {
         if (execution.only_gpu) refuse_cpu(text(reduction.name(), " of hierarchical volumes"));
         reduce_hierarchical(reduction, source.take_bricks(), execution, info);
         source.finish();
         return tell_remarks(reduction, info);
     }
-    reduction.begin(headers, plan);
     Execution const beside = beside_neighbours(execution, plan, info);
     if (plan.scans && source.access() == Access::forward) {
         auto const again = spooled(source, 1, execution, info);

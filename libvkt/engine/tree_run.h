@@ -47,9 +47,9 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution);
 /// - pointwise: begun once; all inputs must be the same tree on the same grid. Runs on bricks as they come, with
 ///   positions on the level's lattice, or on long rows of cells if the operation uses no positions. The background, if
 ///   the volume names one, is treated like a cell, unless the operation uses positions.
-/// - neighbourhood: planned and begun level by level, with plan_level(), as if the level's lattice were a structured volume. Every
-///   brick is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes,
-///   the plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
+/// - neighbourhood: planned and begun level by level, as if the level's lattice were a structured volume. Every brick
+///   is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes, the
+///   plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
 ///   they are. What would spread into holes is lost, since no bricks are added. Levels come one after the other, so
 ///   that bricks are wanted in another order than they have: they are read again or spooled, and the result is.
 /// - header only (the plan's shift is 0): the bricks are handed through.

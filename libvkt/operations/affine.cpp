@@ -58,8 +58,8 @@ void AffineOperation::check() const {
 }
 
 TransformText AffineOperation::transform() const {
-    TransformText result = is_list(matrix_) ? parse_transform(matrix_, "MATRIX")
-                                            : parse_transform(text_.of(matrix_, read_text), matrix_);
+    TransformText result =
+        is_list(matrix_) ? parse_transform(matrix_, "MATRIX") : parse_transform(text_.of(matrix_, read_text), matrix_);
     if (result.itk && unit_ == LengthUnit::voxel)
         throw Error(ErrorKind::usage, "ITK's transforms are about the world: --unit voxel does not apply");
     if (inverse_) result.map = inverse(result.map);

@@ -287,9 +287,9 @@ std::vector<Remark> AffineTransform::remarks() const {
     if (choice_) result.push_back(choice_->remark(*tolerance_));
     if (onto_ && onto_->outside() > 0)
         result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background",
-                               layout_.other_background
-                                   ? text(" ", *layout_.other_background, ", the nearest to what was meant that can be stored")
-                                   : ""),
+                               layout_.other_background ? text(" ", *layout_.other_background,
+                                                               ", the nearest to what was meant that can be stored")
+                                                        : ""),
                           false});
     return result;
 }

@@ -282,10 +282,11 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
         small = small && small_type(headers[i]->dtype);
     }
     choice.integers = integers && is_integer(choice.type);
+    // A root in float64, rounded to float32, is that in float32: 53 >= 2 * 24 + 2 digits.
     if (stored && choice.integers && wide && whole)
         choice.algorithm = Algorithm::in_integers;
     else if (stored && small && (!is_function(op) || (op == ArithmeticOp::sqrt && choice.type == DataType::float32)))
-        choice.algorithm = Algorithm::in_float; // a root in float64, rounded to float32, is the same: 53 >= 2 * 24 + 2 digits
+        choice.algorithm = Algorithm::in_float;
     if (n != 2 || !stored || choice.algorithm == Algorithm::in_integers || is_function(op) || is_logic(op)) return;
     auto const of = [&](std::size_t i) {
         return choice.numbers[i] ? Operand::of(*choice.numbers[i]) : Operand::of(headers[i]->dtype);
@@ -303,7 +304,8 @@ bool Arithmetic::rounds_twice(Choice const& choice, Operand const& u, Operand co
     // Sums of integers fit, products do or are far outside of the result's type, and a quotient that is no half lies
     // further from one than it is off.
     int const small = single ? 16 : 32;
-    if (is_integer(choice.type) && u.lowest >= 0 && v.lowest >= 0 && u.highest <= small && v.highest <= small) return false;
+    if (is_integer(choice.type) && u.lowest >= 0 && v.lowest >= 0 && u.highest <= small && v.highest <= small)
+        return false;
     if (op == ArithmeticOp::mul) return u.digits + v.digits > digits;
     if (op == ArithmeticOp::div) return v.digits > 1 || u.digits > digits;
     return std::max(u.highest, v.highest) + 1 - std::min(u.lowest, v.lowest) > digits;
@@ -338,8 +340,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) const {
         plan.cost = op == ArithmeticOp::sqrt ? 4 : 20;
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 4 * 0x1p-53 + storing_error(choice.type);
-    } else if (!(choice.maps == std::array<ValueMap, 3>{}) && !is_predicate(op)) {
-        // a few roundings, unless values cancel
+    } else if (!(choice.maps == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, if none cancel
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
     }
@@ -522,7 +523,7 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     task.op = op;
     task.type = choice_.algorithm == Algorithm::in_integers ? ArithmeticType::in_integers
                 : choice_.algorithm == Algorithm::in_float  ? ArithmeticType::in_float
-                                                     : ArithmeticType::in_double;
+                                                            : ArithmeticType::in_double;
     int next = 0;
     for (std::size_t i = 0; i < choice_.numbers.size(); ++i) {
         task.volume[i] = choice_.numbers[i] ? -1 : next++;

@@ -252,14 +252,16 @@ void Clahe::make_curves() {
 void Clahe::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = window_.copies ? Box{} : intersect(out.box, window_.field.grid.box);
     if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
-    if (!inside.empty()) clahe_map(inputs[0].part(inside), out.part(inside), window_.field, curves_, losses_, execution);
+    if (!inside.empty())
+        clahe_map(inputs[0].part(inside), out.part(inside), window_.field, curves_, losses_, execution);
 }
 
 std::vector<Remark> Clahe::remarks() const {
     std::int64_t const voxels = window_.field.grid.box.voxels();
     if (window_.copies) return {{"the window is a single value: nothing was changed", false}};
     if (losses_.clipped == 0) return {};
-    double const a = input_.values.physical(window_.bins.edge(0)), b = input_.values.physical(window_.bins.edge(bin_count_));
+    double const a = input_.values.physical(window_.bins.edge(0)),
+                 b = input_.values.physical(window_.bins.edge(bin_count_));
     return {
         {text(share_text(losses_.clipped, voxels), " clipped to [", std::min(a, b), ",", std::max(a, b), "]"), true}};
 }

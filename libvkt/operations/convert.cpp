@@ -227,7 +227,9 @@ Convert::Map Convert::map_for(Header const& in, StoredValue low, StoredValue hig
     map.to_low = first_of(type);
     map.to_high = last_of(type);
     map.scale = std::isfinite(high - low) ? 1 : 0.25;
-    double const extent = map.scale == 1 ? high - low : high.value() * map.scale - low.value() * map.scale; // only floats are so far apart
+    double const extent = map.scale == 1
+                              ? high - low
+                              : high.value() * map.scale - low.value() * map.scale; // only floats are so far apart
     map.factor = (map.to_high - map.to_low) / extent;
     map.values.slope = in.values.slope / (map.factor * map.scale);
     map.values.intercept = in.values.physical(low.value()) - map.to_low * map.values.slope;
@@ -244,8 +246,8 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
     Losses losses;
     if (maps_) {
         double const low = map_.low.rest, high = map_.high.rest + static_cast<double>(map_.high.whole - map_.low.whole);
-        LinearMap const map{map_.low.whole, low,          map_.scale, map_.factor,
-                            map_.to_low,    std::min(low, high), std::max(low, high)};
+        LinearMap const map{map_.low.whole,     low, map_.scale, map_.factor, map_.to_low, std::min(low, high),
+                            std::max(low, high)};
         convert_range(in, out, map, losses, execution);
     } else
         convert_values(in, out, losses, execution);
@@ -261,7 +263,8 @@ std::string Convert::storage_text() const {
                 : text(storage_->error > 0 ? text(": within ", storage_->error) : ": exactly", ", ", bytes(type_),
                        bytes(type_) == 1 ? " byte" : " bytes", " a voxel instead of ", bytes(input_.dtype));
     return text(copies_ ? "stays " : "stored as ", type_,
-                maps_ ? text(", slope ", map_.values.slope, ", intercept ", map_.values.intercept) : std::string(), room);
+                maps_ ? text(", slope ", map_.values.slope, ", intercept ", map_.values.intercept) : std::string(),
+                room);
 }
 
 std::vector<Remark> Convert::remarks() const {

@@ -67,7 +67,7 @@ LinearFilter::Weights Gradient::weights(Header const& in, Index3 /*cell_width*/)
     }
     sum.parts = static_cast<int>(sum.terms.size());
     result.method = text(label(), component_ == Component::magnitude ? ", length" : ", along ",
-                       component_ == Component::magnitude ? "" : enum_name(component_));
+                         component_ == Component::magnitude ? "" : enum_name(component_));
     return result;
 }
 

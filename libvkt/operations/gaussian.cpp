@@ -139,7 +139,8 @@ std::optional<double> Gaussian::by_definition(ConstView input, Index3 voxel) con
                     weight * static_cast<long double>(values(lower.x + x.index, lower.y + y.index, lower.z + z.index));
                 inside += weight;
             }
-    if (boundary_.boundary == Boundary::border) sum += (1 - inside) * static_cast<long double>(choice_.passes.border_value);
+    if (boundary_.boundary == Boundary::border)
+        sum += (1 - inside) * static_cast<long double>(choice_.passes.border_value);
     return static_cast<double>(sum);
 }
 
@@ -236,8 +237,7 @@ void Gaussian::choose_cascade(Header const& in, Choice& choice) const {
         double const unit = choice.passes.wide ? 0x1p-53 : 0x1p-24;
         double left = tolerance;
         for (int attempt = 0; attempt < 2; ++attempt) {
-            cascade =
-                gaussian_cascade(sigma, in.dims, boundary_.boundary, left / axes_of(sigma), choice.passes.taps);
+            cascade = gaussian_cascade(sigma, in.dims, boundary_.boundary, left / axes_of(sigma), choice.passes.taps);
             if (!cascade) break;
             choice.cascade_rounding = {};
             for (auto const& axis : cascade->axes) choice.cascade_rounding += axis.rounding(unit);
@@ -313,14 +313,14 @@ Plan Gaussian::plan_by(Choice const& choice, Header const& in) const {
     }
     char const* const precision = passes.wide ? ", float64" : ", float32";
     plan.method = cascade ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
-                           : text("direct FIR, radius ", radii, precision, choice.why);
+                          : text("direct FIR, radius ", radii, precision, choice.why);
     // Slabs that are low beside the kernel load much for little, and threads meet after each; of higher ones the
     // cascade would only hold more.
     std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype));
     auto const within = [&](std::int64_t mebibytes) { return (mebibytes << 20) / slice; };
     std::int64_t const high =
         cascade ? std::min<std::int64_t>(within(16), 16)
-                 : std::max(std::min<std::int64_t>(within(32), 32), std::min<std::int64_t>(within(8), 64));
+                : std::max(std::min<std::int64_t>(within(32), 32), std::min<std::int64_t>(within(8), 64));
     plan.slab_hint = passes.taps[2].radius == 0 ? 0 : std::max<std::int64_t>(high, 4);
     return plan;
 }
@@ -333,7 +333,8 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
         nodes_.held = false;
         CascadeLayout const layout(cascade(), largest);
         std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
-        return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) * (choice_.passes.wide ? 8 : 4);
+        return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) *
+               (choice_.passes.wide ? 8 : 4);
     }
     GaussianLayout const layout(choice_.passes, largest);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
@@ -396,7 +397,8 @@ Box Gaussian::footprint(Box const& output, int) const {
     Box box = choice_.cascade ? cascade_input(cascade(), output) : gaussian_input(choice_.passes, output);
     if (!region_.empty()) return box;
     // What the ring holds need not come again.
-    if (choice_.cascade && nodes_.continues(output)) box.lower.z = std::clamp(nodes_.thin_end, box.lower.z, box.upper.z);
+    if (choice_.cascade && nodes_.continues(output))
+        box.lower.z = std::clamp(nodes_.thin_end, box.lower.z, box.upper.z);
     return box;
 }
 

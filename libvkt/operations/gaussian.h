@@ -89,8 +89,8 @@ private:
         Vec3 sigma; ///< in its voxels
         double tolerance = 0;
         GaussianPasses passes;
-        GaussianRounding rounding; ///< of the passes
-        double direct = 0;         ///< multiply-adds of theirs; 0: no taps beside the middle ones
+        GaussianRounding rounding;              ///< of the passes
+        double direct = 0;                      ///< multiply-adds of theirs; 0: no taps beside the middle ones
         std::optional<GaussianCascade> cascade; ///< if that is cheaper
         GaussianRounding cascade_rounding;
         std::string why; ///< there is none

@@ -218,7 +218,9 @@ Report Histogram::report() const {
 
 Box Histogram::region_in(Header const& in) const {
     bool const tree = in.kind == Kind::hierarchical;
-    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims)) : tree ? resolve_in_tree(roi, in) : roi.resolve(in.dims);
+    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
+           : tree      ? resolve_in_tree(roi, in)
+                       : roi.resolve(in.dims);
 }
 
 Plan Histogram::plan(std::span<Header const> inputs) const {
@@ -233,7 +235,8 @@ Plan Histogram::plan(std::span<Header const> inputs) const {
     plan.scans = range_.depends() && !by_pattern;
     plan.method = text(bin_count_, " bins", plan.scans ? ", after their range" : "");
     plan.cost = 4;
-    plan.state_bytes = (static_cast<std::size_t>(bin_count_) + (by_pattern ? 65536 : 0) + 3) * 8 * 3 + ends.state_bytes();
+    plan.state_bytes =
+        (static_cast<std::size_t>(bin_count_) + (by_pattern ? 65536 : 0) + 3) * 8 * 3 + ends.state_bytes();
     if (small) plan.state_bytes += std::size_t{4} << 18; // threads count words
     return plan;
 }

@@ -257,8 +257,8 @@ LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_widt
     if (products && (method_ == KernelMethod::separable || (cheaper && (one || !exact)))) {
         result.sum = products->sum;
         result.more_error = products->left;
-        result.method =
-            one ? text("separable kernel, ", size) : text("sum of ", result.sum.terms.size(), " separable kernels, ", size);
+        result.method = one ? text("separable kernel, ", size)
+                            : text("sum of ", result.sum.terms.size(), " separable kernels, ", size);
     } else if (taps > 0 &&
                (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && transforms_allowed &&
                                                  taps > FftCorrelation::cost(r) && module_installed("kissfft")))) {
@@ -267,7 +267,7 @@ LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_widt
         result.more_error = transforms_error;
         result.cost = FftCorrelation::cost(r);
         result.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
-                           "; directly on a GPU and around what is not finite");
+                             "; directly on a GPU and around what is not finite");
     } else {
         result.method = text("direct, kernel ", size, ", ", result.dense.taps.size(), " weights");
     }

@@ -128,8 +128,7 @@ LinearFilter::Weights LinearFilter::stored_weights(Header const& in, Index3 cell
     double const total = separable ? weight_of(result.sum).total : weight_of(result.dense).total;
     for (auto& term : result.sum.terms) term.weight *= in.values.slope;
     for (Tap& tap : result.dense.taps) tap.weight *= in.values.slope;
-    (separable ? result.sum.offset : result.dense.offset) =
-        in.values.intercept == 0 ? 0 : in.values.intercept * total;
+    (separable ? result.sum.offset : result.dense.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * total;
     return result;
 }
 
@@ -177,7 +176,8 @@ std::vector<Knob> LinearFilter::knobs() const {
 }
 
 std::size_t LinearFilter::fit(Index3, Execution const& execution) {
-    return weights_.sum.terms.empty() ? 0 : weights_.sum.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
+    return weights_.sum.terms.empty() ? 0
+                                      : weights_.sum.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
 }
 
 void LinearFilter::filter(ConstView in, AnyView out, Execution const& execution) {

@@ -66,9 +66,10 @@ Box Paste::place_of(Header const& pasted, Header const& whole) const {
     Index3 const lower = at ? *at : place_in_world(pasted, whole);
     Box const box{lower, lower + pasted.dims};
     if (!box_of(whole.dims).contains(box))
-        throw Error(ErrorKind::usage,
-                    text("the part of ", pasted.dims, " voxels at ", lower, " does not lie in the volume of ", whole.dims),
-                    "cut it with 'vkt crop', or enlarge the volume with 'vkt pad'");
+        throw Error(
+            ErrorKind::usage,
+            text("the part of ", pasted.dims, " voxels at ", lower, " does not lie in the volume of ", whole.dims),
+            "cut it with 'vkt crop', or enlarge the volume with 'vkt pad'");
     return box;
 }
 

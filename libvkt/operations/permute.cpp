@@ -122,7 +122,8 @@ Plan Permute::plan(std::span<Header const> inputs) const {
         plan.output.geometry.spacing[static_cast<int>(k)] = geometry.spacing[axes[k]];
         plan.output.geometry.direction[k] = geometry.direction[static_cast<std::size_t>(axes[k])];
     }
-    if (part) plan.output.part = {turn.permuted(part->global_dims), turn.permuted(part->offset), turn.permuted(part->halo)};
+    if (part)
+        plan.output.part = {turn.permuted(part->global_dims), turn.permuted(part->offset), turn.permuted(part->halo)};
     if (in.kind == Kind::hierarchical && in.attributes.contains("roi"))
         plan.output.attributes["roi"] = to_text(turn.target(region_of(in)));
     bool const reverses = reversed[0] || reversed[1] || reversed[2];
@@ -191,7 +192,8 @@ std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution
 }
 
 void Permute::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    permute_box(inputs[0].part(turn_.source(out.box)), out, turn_.axes, {turn_.reversed[0], turn_.reversed[1], turn_.reversed[2]}, execution);
+    permute_box(inputs[0].part(turn_.source(out.box)), out, turn_.axes,
+                {turn_.reversed[0], turn_.reversed[1], turn_.reversed[2]}, execution);
 }
 
 } // namespace vkt

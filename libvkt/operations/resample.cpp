@@ -411,7 +411,8 @@ Plan Resample::plan_of(Header const& input, Layout const& layout) const {
     if (algorithm == Algorithm::convert) plan.passing.storing = ErrorPassing::Storing::converts;
     bool const moves =
         algorithm == Algorithm::copy || algorithm == Algorithm::convert || algorithm == Algorithm::nearest;
-    plan.cost = moves ? 0 : multiply_adds(tables, static_cast<double>(layout.from.x) / static_cast<double>(layout.to.x));
+    plan.cost =
+        moves ? 0 : multiply_adds(tables, static_cast<double>(layout.from.x) / static_cast<double>(layout.to.x));
     return plan;
 }
 
@@ -680,7 +681,8 @@ Box Resample::footprint(Box const& output, int) const {
     if (layout_.onto) return layout_.onto->footprint(output);
     Box result;
     for (int axis = 0; axis < 3; ++axis) {
-        auto const range = layout_.tables[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
+        auto const range =
+            layout_.tables[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
         result.lower[axis] = range.first;
         result.upper[axis] = range.second;
     }
@@ -694,7 +696,8 @@ std::size_t Resample::fit(Index3 largest, Execution const& execution) {
     Box const part = box_of(largest), in = footprint(part, 0);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
     std::int64_t const of_sum = layout_.algorithm == Algorithm::whole ? sizeof(Int128) : sizeof(double);
-    return static_cast<std::size_t>(threads * bytes_of_sums(in.dims().x, largest.x, layout_.tables[0].most_taps(), of_sum));
+    return static_cast<std::size_t>(threads *
+                                    bytes_of_sums(in.dims().x, largest.x, layout_.tables[0].most_taps(), of_sum));
 }
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

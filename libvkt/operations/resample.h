@@ -98,11 +98,11 @@ private:
     struct Layout {
         Header output;
         Index3 from, to;
-        std::optional<ResampleMethod> chosen;    ///< with a tolerance
-        std::optional<Affine> region_map;        ///< with --roi: from voxels of the result to those of the input
+        std::optional<ResampleMethod> chosen;     ///< with a tolerance
+        std::optional<Affine> region_map;         ///< with --roi: from voxels of the result to those of the input
         double scale_value = 1, offset_value = 0; ///< from stored input values to stored output values
-        std::optional<Onto> onto;                ///< a grid of another extent, or a turned one; nothing below counts then
-        double border = 0;                       ///< stored input value
+        std::optional<Onto> onto; ///< a grid of another extent, or a turned one; nothing below counts then
+        double border = 0;        ///< stored input value
         std::array<WeightTable, 3> tables;
         Algorithm algorithm = Algorithm::copy;
 

@@ -132,7 +132,7 @@ LinearFilter::Weights DifferenceOfGaussians::weights(Header const& in, Index3 ce
     sum.planes = {{first, first}, {second, second}};
     sum.terms = {{0, first}, {1, second, 0, -1}};
     result.method = text("difference of Gaussians, sigma ", little[0], ",", little[1], ",", little[2], " and ", more[0],
-                       ",", more[1], ",", more[2], " voxels");
+                         ",", more[1], ",", more[2], " voxels");
     return result;
 }
 

@@ -81,10 +81,9 @@ Plan SetHeader::plan(std::span<Header const> inputs) const {
         if (input.kind != Kind::structured)
             throw Error(ErrorKind::usage, "--dims does not apply to a hierarchical volume");
         if (box_of(to).voxels() != input.voxels())
-            throw Error(
-                ErrorKind::usage,
-                text("--dims ", to, ": ", box_of(to).voxels(), " voxels, but the volume has ", input.voxels()),
-                "to change the number of voxels use vkt resample or vkt crop");
+            throw Error(ErrorKind::usage,
+                        text("--dims ", to, ": ", box_of(to).voxels(), " voxels, but the volume has ", input.voxels()),
+                        "to change the number of voxels use vkt resample or vkt crop");
         h.dims = to;
         h.part.reset();
     } else {

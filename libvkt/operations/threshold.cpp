@@ -47,7 +47,9 @@ void Threshold::check() const {
 
 Box Threshold::region_in(Header const& in) const {
     bool const tree = in.kind == Kind::hierarchical;
-    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims)) : tree ? resolve_in_tree(roi, in) : roi.resolve(in.dims);
+    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
+           : tree      ? resolve_in_tree(roi, in)
+                       : roi.resolve(in.dims);
 }
 
 Plan Threshold::plan(std::span<Header const> inputs) const {

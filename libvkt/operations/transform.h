@@ -58,9 +58,7 @@ private:
         bool on_level = false;
         Index3 cell_width{1, 1, 1};
 
-        bool whole_positions() const {
-            return inputs[0].kind == Kind::structured && cell_width == Index3{1, 1, 1};
-        }
+        bool whole_positions() const { return inputs[0].kind == Kind::structured && cell_width == Index3{1, 1, 1}; }
     };
     Plan plan_for(Place const& place, Expression const& parsed) const;
     void begin_for(Place const& place, Expression const& parsed, Plan const& plan);
