@@ -90,18 +90,17 @@ public:
     /// The error of the result, and the multiply-adds of all stages.
     Outcome outcome() {
         double cost = 0;
-        Header header = input_;
-        for (auto const& [place, stage] : operations_) {
-            Operation& operation = *stage->operation();
-            std::vector<Header> inputs;
-            if (operation.inputs() == 1) inputs.push_back(header);
-            Plan plan = in_stage(stage->label(), [&] { return operation.plan(inputs); });
-            plan.output.error = travelled(inputs, plan, operation.name());
+        Header const last = planned([&](Operation const&, std::vector<Header> const&, Plan const& plan) {
             cost += plan.cost * static_cast<double>(plan.output.voxels());
-            header = plan.output;
-        }
-        last_ = header.error;
+        });
+        last_ = last.error;
         return {last_.known() ? last_.at_most : HUGE_VAL, cost};
+    }
+    /// All stages begin the volumes that would come to them: they then tell of their knobs.
+    void begin() const {
+        planned([](Operation& operation, std::vector<Header> const& inputs, Plan const& plan) {
+            operation.begin(inputs, plan);
+        });
     }
     VolumeError const& last() const { return last_; }
     /// True if nobody knows between which values the volume of floats that it begins with lies.
@@ -109,6 +108,21 @@ public:
     std::vector<Stage> const& operations() const { return operations_; }
 
 private:
+    /// Plans one stage after the other and calls visit(operation, inputs, plan). Returns what comes out of the last.
+    template <class Visit> Header planned(Visit const& visit) const {
+        Header header = input_;
+        for (auto const& [place, stage] : operations_) {
+            Operation& operation = *stage->operation();
+            std::vector<Header> inputs;
+            if (operation.inputs() == 1) inputs.push_back(header);
+            Plan plan = in_stage(stage->label(), [&] { return operation.plan(inputs); });
+            plan.output.error = travelled(inputs, plan, operation.name());
+            visit(operation, inputs, plan);
+            header = plan.output;
+        }
+        return header;
+    }
+
     Header read(Invocation const& stage) const {
         FirstLook look(stage, option_);
         auto const source = stage.opener() != nullptr
@@ -133,7 +147,7 @@ private:
 /// Knobs that trade a bound for cost, and leave the types as they are.
 std::vector<SetKnob> knobs_of(Planner& planner) {
     std::vector<SetKnob> result;
-    planner.outcome(); // knobs are those of the volume last planned
+    planner.begin();
     for (auto const& [place, stage] : planner.operations())
         if (auto const* const tunable = dynamic_cast<Tunable const*>(stage->operation()))
             for (Knob knob : tunable->knobs()) {

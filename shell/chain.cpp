@@ -132,7 +132,7 @@ bool Chain::fits_part(Header const& whole, Header const& part) {
     for (std::size_t i = 0; i < operations(); ++i) {
         Parameter const* const roi = stages_[i].own_parameters().find("roi");
         if (roi != nullptr && roi->given && names_voxels(*roi)) return false;
-        Operation& operation = *stages_[i].operation();
+        Operation const& operation = *stages_[i].operation();
         try {
             Plan const a = operation.plan({&of_whole, 1}), b = operation.plan({&of_part, 1});
             if (a.scans || a.whole || b.scans || b.whole || a.output.kind != Kind::structured) return false;

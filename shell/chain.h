@@ -38,7 +38,8 @@ public:
     /// Gives a stage's option another value, or sets a flag, whatever the value. Throws Error{usage} where it does not
     /// go together with the others.
     void set(std::size_t stage, std::string const& option, std::string const& value);
-    /// The knobs whose values the bounds are about, at their most exact. After run(), which plans.
+    /// The knobs whose values the bounds are about, at their most exact. After plan() or run(): knobs are those of a
+    /// volume.
     void set_exact();
     /// The stages as words for a shell.
     std::vector<std::string> lines();
@@ -47,11 +48,12 @@ public:
     Volume run(Volume const& input, Execution const& execution, PictureRequest const& request = {});
 
     /// What would be computed, without computing it: methods, types, costs and bounds as one text. Reasons for a
-    /// method, which plans tell after a semicolon, are left out.
+    /// method, which plans tell after a semicolon, are left out. From then on the stages tell of their knobs for this
+    /// volume.
     std::string plan(Volume const& input, Execution const& execution);
 
     /// True if what the stages do to a part of a volume is what they do to that part in the whole: nothing depends on
-    /// all voxels, on how many there are, or on where they lie. After it, plan() or run() come first.
+    /// all voxels, on how many there are, or on where they lie.
     bool fits_part(Header const& whole, Header const& part);
 
     /// Describes what comes out of the operations, without computing it.

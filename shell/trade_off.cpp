@@ -134,7 +134,7 @@ public:
     }
 
     TradeOff run() {
-        chain_->plan(volume_, execution_); // for what its operations then tell of their knobs
+        chain_->plan(volume_, execution_); // whose knobs are listed
         list_dials();
         list_settings();
         drop_equals();

@@ -18,11 +18,15 @@ public:
     double exponent = 1, top = 1;
     std::string_view name() const override { return "gamma"; }
     vkt::Shape shape() const override { return vkt::Shape::pointwise; }
-    vkt::Plan plan(std::span<vkt::Header const> inputs) override {
+    vkt::Plan plan(std::span<vkt::Header const> inputs) const override {
         vkt::Plan plan;
         plan.output = inputs.front(); // same grid, type and place; the engine adds the history
-        top = vkt::is_integer(plan.output.dtype) ? vkt::highest_of(plan.output.dtype) : 1;
         return plan;
+    }
+    void begin(std::span<vkt::Header const> inputs, vkt::Plan const&) override {
+        vkt::DataType const type = inputs.front().dtype;
+        top = vkt::is_integer(type) ? vkt::highest_of(type) : 1;
+        losses = {};
     }
     void run(std::span<vkt::ConstView const> inputs, vkt::AnyView out, vkt::Execution const& execution) override {
         vkt::baseline::map<double>(execution, out, losses, Curve{top, exponent}, inputs.front());

@@ -67,8 +67,9 @@ struct Remark {
 class ReferenceVolume;
 struct Measurement;
 
-/// One instance is configured once (parameters), planned per volume, and then run on regions, always from one thread at
-/// a time. Results must not depend on how the output is cut into regions.
+/// One instance is configured once (parameters), begun once per volume, as its plan has it, and then run on regions,
+/// always from one thread at a time. It may be planned at any time, for any volume: that changes nothing. Results must
+/// not depend on how the output is cut into regions.
 class Operation {
 public:
     virtual ~Operation() = default;
@@ -89,8 +90,13 @@ public:
     /// Checks that need no input, right after parsing; throws Error{usage}.
     virtual void check() const {}
 
-    /// Validates against the inputs' headers and describes the output; called once per volume, resets all state.
-    virtual Plan plan(std::span<Header const> inputs) = 0;
+    /// Validates against the inputs' headers and describes the output. Changes nothing: dry runs, budgets and previews
+    /// ask as often as they like, and of a volume that is being worked on, too.
+    virtual Plan plan(std::span<Header const> inputs) const = 0;
+    /// A volume begins that was planned so, from the same headers: what was kept or counted of the one before is gone,
+    /// and what footprint(), fit(), scan() and run() work with is made. Once per volume, before any of them; cheap,
+    /// since dry runs begin their volumes, too. What lies below here is about the volume that was begun last.
+    virtual void begin(std::span<Header const> /*inputs*/, Plan const& /*plan*/) {}
     /// Input region that an output region needs; may reach outside the input, where the boundary rule fills it. An
     /// operation that keeps input slices from the run before may leave them out of the next region's footprint.
     virtual Box footprint(Box const& output, int /*input*/) const { return output; }
@@ -110,9 +116,8 @@ public:
     /// and error, and a type of no more bytes than was planned. All else has been settled and must stay.
     virtual void after_scan(Plan& /*plan*/) const {}
 
-    /// After plan(): regions for run() will be no larger than this. Returns the bytes that the operation is going to
-    /// hold for such regions, besides them and their footprints; it may be asked about several before it runs, and the
-    /// last counts.
+    /// Regions for run() will be no larger than this. Returns the bytes that the operation is going to hold for such
+    /// regions, besides them and their footprints; it may be asked about several before it runs, and the last counts.
     virtual std::size_t fit(Index3 /*largest*/, Execution const&) { return 0; }
 
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
@@ -121,7 +126,9 @@ public:
 
     /// Neighbourhood operations on hierarchical volumes: plans one level, whose lattice the header describes as if it
     /// were a structured volume. Its cells are this many finest cells wide; lengths in voxels mean finest cells.
-    virtual Plan plan_level(Header const& level, Index3 /*cell_width*/) { return plan({&level, 1}); }
+    virtual Plan plan_level(Header const& level, Index3 /*cell_width*/) const { return plan({&level, 1}); }
+    /// That level begins, as a volume does. They come one after the other, any of them more than once.
+    virtual void begin_level(Header const& level, Index3 /*cell_width*/, Plan const& plan) { begin({&level, 1}, plan); }
     /// Hierarchical volumes: the cells that scan() and run() see next are this many finest cells wide along each axis,
     /// and positions count cells of their level, of which cell (0,0,0) begins at `first` (in finest cells, never above
     /// 0 for pointwise operations and reductions). Reductions weight by the product, operations with regions scale
@@ -133,19 +140,17 @@ public:
     /// The numbers of voxels that remarks() are made of, where they add up over regions: the engine takes out what was
     /// a trial, or what others computed, too, and adds what several instances counted in parts of one volume.
     virtual std::vector<std::int64_t*> counters() { return {}; }
-    /// Geometric operations on hierarchical volumes give the bricks of the result here, after plan(); they are made of
-    /// the input's when they are asked for. None if bricks cannot be moved so.
+    /// Geometric operations on hierarchical volumes give the bricks of the result here; they are made of the input's
+    /// when they are asked for. None if bricks cannot be moved so.
     virtual std::optional<BrickSequence> move_bricks(BrickSequence /*input*/, Execution const&) { return {}; }
     /// Sources of hierarchical volumes, whose plan tells the counts of bricks, give the bricks here; cells are best
     /// made when they are asked for.
     virtual std::optional<BrickSequence> make_bricks(Execution const&) { return {}; }
-    /// Operations whose plan says that they make a hierarchical volume of a structured one do it here, and say true.
-    virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
-    /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
-    /// run() then computes region by region from it: the footprint of such an input is empty.
-    virtual void take_tree(Volume /*input*/) {}
-    /// After plan(): true if run() then works on device memory.
-    virtual bool runs_from_tree_on_gpu() const { return false; }
+    /// Geometric operations of one input whose plan makes a structured volume of a hierarchical one, or a hierarchical
+    /// of a structured one, are given all of it here, before run(). They return the result whole, which then goes
+    /// through after_scan(); or nothing: run() then computes region by region from what was given, and the footprint of
+    /// such an input is empty.
+    virtual std::optional<Volume> take_whole(Volume /*input*/, Execution const&) { return {}; }
 
     /// Reductions: reads all volumes of the inputs, finishes each of them, and tells their reports, see Measurement. By
     /// default reduce() is applied to each volume of the only input, and tells report().
@@ -155,7 +160,8 @@ public:
     /// Reductions: false if what was measured is not as it should be; the command then exits with 1.
     virtual bool satisfied() const { return true; }
 
-    /// True if run() works on device memory; of reductions, if what they do to an input does.
+    /// True if run() works on device memory; of reductions, if what they do to an input does. Before begin() of what no
+    /// volume is known to forbid.
     virtual bool runs_on_gpu() const { return false; }
     /// True if scan() works on device memory.
     virtual bool scans_on_gpu() const { return shape() == Shape::reduction && runs_on_gpu(); }
@@ -166,6 +172,13 @@ public:
     /// What was found in the volume just finished.
     virtual Report report() const { return {}; }
 };
+
+/// Plans a volume and begins it.
+inline Plan begun(Operation& operation, std::span<Header const> inputs) {
+    Plan plan = operation.plan(inputs);
+    operation.begin(inputs, plan);
+    return plan;
+}
 
 /// An operation under the name that commands, C API and Python know it by. See libvkt/engine/registry.h.
 struct RegisteredOperation {

@@ -46,7 +46,11 @@ Execution resolve_device(Execution execution, Operation const& operation, Plan c
     return execution;
 }
 
-[[noreturn]] void refuse_both_kinds(Operation const& operation) {
+bool is_tree(Header const& header) { return header.kind == Kind::hierarchical; }
+bool any_tree(std::vector<Header> const& headers) { return std::ranges::any_of(headers, is_tree); }
+
+void refuse_grids_among(Operation const& operation, std::vector<Header> const& headers) {
+    if (std::ranges::all_of(headers, is_tree)) return;
     throw Error(ErrorKind::usage,
                 text(operation.name(), " has no meaning on a hierarchical volume: its inputs are of both kinds"),
                 "make it a grid first: vkt resample --cells 50M");
@@ -186,11 +190,15 @@ void OperationSource::plan_volume() {
     done_y_ = done_z_ = 0;
     ahead_box_ = {};
     counted_.reset();
-    bool const hierarchical =
-        std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
-    if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
+    bool const trees = !headers.empty() && !headers.front().dry_run && any_tree(headers);
+    if (trees) refuse_grids_among(operation_, headers);
+    // All but what makes a grid of a tree is planned by who works on trees: brick by brick, or level by level.
+    bool const alone = headers.size() == 1 && operation_.shape() == Shape::geometric;
+    if (trees && !alone) return run_on_tree(headers);
     plan_ = operation_.plan(headers);
+    if (trees && plan_.output.kind == Kind::hierarchical) return run_on_tree(headers);
     check_result(plan_.output);
+    operation_.begin(headers, plan_);
     if (!headers.empty()) {
         plan_.output.dry_run = headers.front().dry_run;
         plan_.output.timing = headers.front().timing;
@@ -201,16 +209,13 @@ void OperationSource::plan_volume() {
     if (info_.on_plan) info_.on_plan(plan_, headers);
     expected_end_ = plan_.output.dims.z;
     if (plan_.output.dry_run) return;
-    if (plan_.output.kind == Kind::hierarchical) {
-        if (inputs_.empty()) { // bricks are made when they are asked for
-            execution_ = requested_;
-            if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
-            execution_.device = Device::cpu;
-        } else {
-            make_tree();
-        }
+    if (plan_.output.kind == Kind::hierarchical && inputs_.empty()) { // bricks are made when they are asked for
+        execution_ = requested_;
+        if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
+        execution_.device = Device::cpu;
         return;
     }
+    if (!headers.empty() && plan_.output.kind != headers.front().kind) return take_whole(headers.front());
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu && !plan_.shift) device_select(execution_.gpu);
@@ -285,36 +290,14 @@ void OperationSource::compute_bands() {
     result_ = std::move(result);
 }
 
-/// Bricks are worked on as they come, if the operation can; what is made a grid is read at once.
-void OperationSource::plan_tree(std::vector<Header> const& headers) {
-    for (Header const& header : headers)
-        if (header.kind != Kind::hierarchical) refuse_both_kinds(operation_);
-    std::optional<Plan> plan;
-    bool const alone = headers.size() == 1 && operation_.shape() == Shape::geometric;
-    if (alone) plan = operation_.plan(headers);
+/// Trees that stay trees: bricks are worked on as they come, if the operation can.
+void OperationSource::run_on_tree(std::vector<Header> const& headers) {
     execution_ = requested_;
-    bool const gridded = plan && plan->output.kind == Kind::structured && operation_.runs_from_tree_on_gpu();
-    if (execution_.device != Device::gpu || !gridded) {
-        bool const in_part = plan && plan->output.kind == Kind::structured;
-        if (execution_.only_gpu)
-            refuse_cpu(text(operation_.name(), " of hierarchical volumes", in_part ? " as it is asked for here" : ""));
-        execution_.device = Device::cpu;
-    }
-    if (plan && plan->output.kind == Kind::structured) {
-        plan_ = *std::move(plan);
-        tree_work(operation_.shape(), plan_, headers, {}, requested_);
-        Volume tree = load(*inputs_.front(), requested_);
-        inputs_used_up_ = true;
-        Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-        if (execution_.device == Device::gpu) device_select(execution_.gpu);
-        operation_.take_tree(std::move(tree));
-        work_.cut = cut_of(plan_.output, slab_hint_on(execution_, plan_.output, plan_.slab_hint), requested_);
-    } else {
-        tree_ = std::make_unique<TreeRun>(operation_,
-                                          collect(inputs_, [](auto const& input) { return input->take_bricks(); }),
-                                          execution_, info_, TreeOptions{}, std::move(plan));
-        plan_ = tree_->plan();
-    }
+    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
+    execution_.device = Device::cpu;
+    tree_ = std::make_unique<TreeRun>(
+        operation_, collect(inputs_, [](auto const& input) { return input->take_bricks(); }), execution_, info_);
+    plan_ = tree_->plan();
     check_result(plan_.output);
     plan_.output.timing = headers.front().timing;
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
@@ -322,30 +305,38 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
     if (info_.on_plan) info_.on_plan(plan_, headers);
 }
 
-/// The plan's output is hierarchical, its input is not.
-void OperationSource::make_tree() {
+/// A grid becomes a tree, or a tree a grid: the operation is given all of it at once.
+void OperationSource::take_whole(Header const& input) {
+    bool const makes_tree = plan_.output.kind == Kind::hierarchical;
     execution_ = requested_;
-    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
-    execution_.device = Device::cpu;
-    check_budget(std::max(plan_.state_bytes, plan_.output.bytes()), requested_);
-    Volume const whole = load(*inputs_.front(), requested_);
+    if (execution_.device != Device::gpu || !operation_.runs_on_gpu()) {
+        if (execution_.only_gpu)
+            refuse_cpu(
+                text(operation_.name(), " of hierarchical volumes", makes_tree ? "" : " as it is asked for here"));
+        execution_.device = Device::cpu;
+    }
+    if (makes_tree)
+        check_budget(std::max(plan_.state_bytes, plan_.output.bytes()), requested_);
+    else
+        tree_work(operation_.shape(), plan_, {&input, 1}, {}, requested_);
+    Volume whole = load(*inputs_.front(), requested_);
     inputs_used_up_ = true;
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-    Volume result;
-    if (!operation_.run_tree(whole, result, execution_))
-        throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
+    if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    made_ = operation_.take_whole(std::move(whole), execution_);
+    if (!made_) {
+        if (makes_tree) throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
+        work_.cut = cut_of(plan_.output, slab_hint_on(execution_, plan_.output, plan_.slab_hint), requested_);
+        return;
+    }
     operation_.after_scan(plan_);
-    settle_error({inputs_.front()->header()}, true);
-    std::optional<History> const history = plan_.output.history;
-    bool const timing = plan_.output.timing;
-    VolumeError const error = plan_.output.error;
-    plan_.output = result.header();
-    plan_.output.history = history;
-    plan_.output.error = error;
-    plan_.output.timing = timing;
-    result.header() = plan_.output;
-    if (info_.times) info_.times->voxels += result.header().voxels();
-    made_ = std::move(result);
+    settle_error({input}, true);
+    Header header = made_->header();
+    header.history = plan_.output.history;
+    header.error = plan_.output.error;
+    header.timing = plan_.output.timing;
+    plan_.output = made_->header() = std::move(header);
+    if (info_.times) info_.times->voxels += plan_.output.voxels();
 }
 
 BrickSequence OperationSource::take_bricks() {
@@ -423,6 +414,7 @@ void OperationSource::count_only(std::int64_t begin, std::int64_t end) {
 }
 
 std::optional<ConstView> OperationSource::borrow(Box const& region) {
+    if (made_) return made_->view().part(region);
     if (work_.bands) return result_ ? result_->borrow(region) : std::nullopt;
     if (!plan_.shift) return std::nullopt;
     auto lent = inputs_.front()->borrow(moved(region));
@@ -450,6 +442,7 @@ ConstView OperationSource::fetch(std::size_t i, Box const& footprint) {
 }
 
 void OperationSource::read(AnyView out) {
+    if (made_) return copy_region(made_->view().part(out.box), out, execution_);
     if (plan_.shift) {
         AnyView const to = out.moved_to(out.box.lower + *plan_.shift);
         if (auto const lent = inputs_.front()->borrow(to.box))

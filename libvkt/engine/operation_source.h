@@ -76,8 +76,8 @@ private:
     void settle_error(std::vector<Header> const& headers, bool scanned);
     void prepare_inputs(std::vector<Header> const& headers);
     void compute_bands();
-    void plan_tree(std::vector<Header> const& headers);
-    void make_tree();
+    void run_on_tree(std::vector<Header> const& headers);
+    void take_whole(Header const& input);
     void scan();
     void compute(AnyView out);
     void run_in_pieces(AnyView out);
@@ -98,7 +98,7 @@ private:
     StageInfo info_;
     Plan plan_;
     std::unique_ptr<TreeRun> tree_; ///< if input and result are hierarchical
-    std::optional<Volume> made_;    ///< a hierarchical result of another input
+    std::optional<Volume> made_;    ///< a result that the operation made as a whole
     bool inputs_used_up_ = false;   ///< they were read as a whole, and finished
     WorkPlan work_;
     std::unique_ptr<Spool> result_;        ///< if it is computed in bands

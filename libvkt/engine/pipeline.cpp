@@ -90,7 +90,7 @@ void Operation::measure(Measurement& to) {
 
 bool only_planned(Operation& reduction, Measurement& of) {
     auto const headers = collect(of.inputs, [](auto const& input) { return input->header(); });
-    Plan plan = reduction.plan(headers);
+    Plan plan = begun(reduction, headers);
     plan.output.dry_run = std::ranges::any_of(headers, [](Header const& header) { return header.dry_run; });
     if (of.info.on_plan) of.info.on_plan(plan, headers);
     if (!plan.output.dry_run) return false;
@@ -175,7 +175,7 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
     return execution;
 }
 
-Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs) {
+Execution on_whole_volumes(Execution execution, Operation const& operation, std::vector<Header> const& inputs) {
     bool const hierarchical =
         std::ranges::any_of(inputs, [](Header const& header) { return header.kind == Kind::hierarchical; });
     if (execution.slab > 0 || execution.device == Device::gpu || inputs.empty() || hierarchical) return execution;
@@ -194,10 +194,12 @@ void refuse_cpu(std::string const& what) {
 
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
+    bool const tree = headers.front().kind == Kind::hierarchical;
     Plan const plan = reduction.plan(headers);
+    if (!tree) reduction.begin(headers, plan);
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
-    if (headers.front().kind == Kind::hierarchical) {
+    if (tree) {
         if (execution.only_gpu) refuse_cpu(text(reduction.name(), " of hierarchical volumes"));
         reduce_hierarchical(reduction, source.take_bricks(), execution, info);
         source.finish();

@@ -51,8 +51,8 @@ struct Measurement {
     std::function<void(std::string_view)> print;
 };
 
-/// Plans a reduction for the current volumes of its inputs and tells the plan. True if they are only planned (a dry
-/// run), and are finished: there is nothing to measure.
+/// Plans a reduction for the current volumes of its inputs, begins them and tells the plan. True if they are only
+/// planned (a dry run), and are finished: there is nothing to measure.
 bool only_planned(Operation& reduction, Measurement& of);
 
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
@@ -73,7 +73,7 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
 
 /// How to run an operation whose inputs lie in memory and whose result is made there, both as a whole: what memory
 /// alone slows down is worked on at once, or in few pieces within the budget, unless --slab says otherwise.
-Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs);
+Execution on_whole_volumes(Execution execution, Operation const& operation, std::vector<Header> const& inputs);
 
 /// Where voxels are looked at by what runs on both: on the GPU if that was asked for, or if they are there already.
 Execution where_looked_at(Execution execution, bool on_gpu_already);
@@ -84,7 +84,8 @@ Execution where_looked_at(Execution execution, bool on_gpu_already);
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times);
 
-/// Runs a reduction over a source's current volume (spooled if need be): plan, scan of every slab, scan_end, finish.
+/// Runs a reduction over a source's current volume (spooled if need be): plan, begin, scan of every slab, scan_end,
+/// finish.
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info);
 
 /// Moves all volumes of a source into a sink and closes it. On failure the sink is told and nothing is closed.

@@ -11,9 +11,9 @@ class Prepared {
 public:
     virtual ~Prepared() = default;
 
-    /// After plan(): an operation on input 0, whose result the engine keeps, in memory or in a file; footprint() and
+    /// After begin(): an operation on input 0, whose result the engine keeps, in memory or in a file; footprint() and
     /// run() are about that instead of the input. Null where the input is taken as it is. It must live until the next
-    /// plan(), and needs no scan.
+    /// begin(), and needs no scan.
     virtual Operation* preparation() = 0;
 };
 

@@ -57,8 +57,8 @@ public:
         : operation_(operation), input_(std::move(input)), execution_(execution), info_(info), options_(options) {
         Header const& header = input_.header();
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels_[input_.bricks()[b].level].push_back(b);
-        plan = levels_.empty() ? operation_.plan({&header, 1})
-                               : plan_level(levels_.begin()->first, lattice(levels_.begin()->first));
+        for (auto const& [level, bricks] : levels_) plans_[level] = plan_level(lattice(level));
+        plan = levels_.empty() ? begun(operation_, {&header, 1}) : plans_.begin()->second;
         output_ = plan.output;
         output_.kind = Kind::hierarchical;
         output_.dims = header.dims;
@@ -98,20 +98,19 @@ private:
         return within(region_of(input_.header()), lattice_of(input_.header().dims, any));
     }
 
-    /// The operation works on one level at a time, for which it was planned last.
-    Plan const& plan_level(int level, LevelLattice const& at) {
-        if (std::exchange(planned_, level) == level) return level_plan_;
-        level_plan_ = operation_.plan_level(level_header(input_.header(), at), at.width);
-        if (level_plan_.scans) refuse_tree(operation_, "it looks at all values first, and levels would differ");
-        if (level_plan_.access == Access::random || !(level_plan_.output.dims == at.dims))
+    Plan plan_level(LevelLattice const& at) const {
+        Plan level = operation_.plan_level(level_header(input_.header(), at), at.width);
+        if (level.scans) refuse_tree(operation_, "it looks at all values first, and levels would differ");
+        if (level.access == Access::random || !(level.output.dims == at.dims))
             refuse_tree(operation_, "it needs more than a neighbourhood");
-        return level_plan_;
+        return level;
     }
 
-    /// Prepares the operation for a level.
+    /// The operation works on one level at a time.
     LevelLattice enter(int level) {
         LevelLattice const at = lattice(level);
-        plan_level(level, at);
+        level_plan_ = &plans_.at(level);
+        operation_.begin_level(level_header(input_.header(), at), at.width, *level_plan_);
         operation_.enter_level(at.width, at.lower);
         return at;
     }
@@ -224,7 +223,7 @@ private:
         if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
         grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
         AnyView const grown = dense_view(grown_.data(), type, needed);
-        if (!needed.empty()) filler.fill(lattice, grown, level_plan_.boundary, level_plan_.border_value);
+        if (!needed.empty()) filler.fill(lattice, grown, level_plan_->boundary, level_plan_->border_value);
         ConstView const view = grown;
         operation_.run({&view, 1}, out, execution_for(out.box, execution_));
     }
@@ -236,8 +235,8 @@ private:
     TreeOptions options_;
     Header output_;
     std::map<int, std::vector<std::size_t>> levels_; ///< and their bricks
-    int planned_ = -1;                               ///< level that the operation was planned for last,
-    Plan level_plan_;                                ///< and how
+    std::map<int, Plan> plans_;                      ///< of them
+    Plan const* level_plan_ = nullptr;               ///< of the level that is worked on
     std::optional<BrickIndex> index_;
     std::size_t window_ = 0; ///< bytes that a brick with its neighbours may take
     bool whole_ = true;      ///< all is done in memory

@@ -104,8 +104,7 @@ private:
 };
 
 std::shared_ptr<TreeRun::Work> work_of(Operation& operation, std::vector<BrickSequence> inputs,
-                                       Execution const& execution, StageInfo const& info, TreeOptions const& options,
-                                       std::optional<Plan> planned) {
+                                       Execution const& execution, StageInfo const& info, TreeOptions const& options) {
     if (inputs.empty()) refuse_tree(operation, "it has no input");
     if (operation.shape() == Shape::neighbourhood) {
         if (inputs.size() != 1) refuse_tree(operation, "it takes several inputs");
@@ -115,7 +114,7 @@ std::shared_ptr<TreeRun::Work> work_of(Operation& operation, std::vector<BrickSe
     if (!pointwise && (operation.shape() != Shape::geometric || inputs.size() != 1))
         refuse_tree(operation, "its cells have no common grid");
     if (pointwise) require_equal_trees(operation, inputs);
-    Plan plan = planned ? *std::move(planned) : operation.plan(headers_of(inputs));
+    Plan plan = begun(operation, headers_of(inputs));
     if (plan.shift && *plan.shift == Index3{} && !plan.scans)
         return std::make_shared<HeaderWork>(operation, std::move(inputs[0]), std::move(plan));
     if (pointwise) return pointwise_work(operation, std::move(inputs), std::move(plan), execution, info);
@@ -150,9 +149,8 @@ Execution execution_for(Box const& box, Execution const& execution) {
 }
 
 TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
-                 StageInfo const& info, TreeOptions const& options, std::optional<Plan> planned)
-    : headers_(headers_of(inputs)),
-      work_(work_of(operation, std::move(inputs), on_host(execution), info, options, std::move(planned))) {
+                 StageInfo const& info, TreeOptions const& options)
+    : headers_(headers_of(inputs)), work_(work_of(operation, std::move(inputs), on_host(execution), info, options)) {
     work_->plan.output.error = travelled(headers_, work_->plan, operation.name());
 }
 
@@ -173,7 +171,7 @@ void reduce_hierarchical(Operation& reduction, BrickSequence bricks, Execution c
                          StageInfo const& info) {
     Header const header = bricks.header();
     Execution const host = on_host(execution);
-    Plan const plan = reduction.plan({&header, 1});
+    Plan const plan = begun(reduction, {&header, 1});
     std::size_t const largest = bricks.largest_brick();
     TreeWork const work = tree_work(Shape::reduction, plan, {&header, 1}, {&largest, 1}, host);
     if (plan.scans) bricks = spooled(std::move(bricks), work.keep, host, info);

@@ -44,12 +44,12 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
 std::size_t bricks_in_flight(Header const& header, Execution const& execution);
 
 /// An operation at work on hierarchical volumes:
-/// - pointwise: planned once; all inputs must be the same tree on the same grid. Runs on bricks as they come, with
+/// - pointwise: begun once; all inputs must be the same tree on the same grid. Runs on bricks as they come, with
 ///   positions on the level's lattice, or on long rows of cells if the operation uses no positions. The background, if
 ///   the volume names one, is treated like a cell, unless the operation uses positions.
-/// - neighbourhood: planned level by level with plan_level(), as if the level's lattice were a structured volume. Every
-///   brick is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes,
-///   the plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
+/// - neighbourhood: planned and begun level by level, as if the level's lattice were a structured volume. Every brick
+///   is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes, the
+///   plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
 ///   they are. What would spread into holes is lost, since no bricks are added. Levels come one after the other, so
 ///   that bricks are wanted in another order than they have: they are read again or spooled, and the result is.
 /// - header only (the plan's shift is 0): the bricks are handed through.
@@ -59,9 +59,9 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution);
 class TreeRun {
 public:
     /// What cannot be done is refused here, before a cell was looked at, except by a scan. The operation must outlive
-    /// the sequence. `planned`: the operation's plan for the headers of the inputs, if the caller has made it.
+    /// the sequence; it is planned and begun here.
     TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
-            StageInfo const& info = {}, TreeOptions const& options = {}, std::optional<Plan> planned = {});
+            StageInfo const& info = {}, TreeOptions const& options = {});
 
     /// Of several levels the plan of the first; its output is the header of the result.
     Plan const& plan() const;
@@ -81,7 +81,7 @@ private:
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
                           TreeOptions const& options = {});
 
-/// Feeds all cells to a reduction: plan, then enter_level and scan for bricks as they come, then scan_end.
+/// Feeds all cells to a reduction: plan, begin, then enter_level and scan for bricks as they come, then scan_end.
 void reduce_hierarchical(Operation& reduction, BrickSequence bricks, Execution const& execution,
                          StageInfo const& info = {});
 

@@ -23,10 +23,10 @@ struct Knob {
 class Tunable {
 public:
     virtual ~Tunable() = default;
-    /// Of the volume last planned; values that do not go together with the other options are refused when tried.
+    /// Of the volume last begun; values that do not go together with the other options are refused when tried.
     virtual std::vector<Knob> knobs() const = 0;
     /// The stored value of one voxel as the operation is defined, summed directly in more than double precision: a
-    /// second opinion on its most exact setting, which shares no code with it. Of the volume last planned, as float64;
+    /// second opinion on its most exact setting, which shares no code with it. Of the volume last begun, as float64;
     /// none if the operation has no such form. Its values are taken as finite.
     virtual std::optional<double> by_definition(ConstView /*input*/, Index3 /*voxel*/) const { return std::nullopt; }
 };

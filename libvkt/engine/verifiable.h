@@ -21,7 +21,7 @@ class Verifiable {
 public:
     virtual ~Verifiable() = default;
     /// Works the result out once more, as it is defined and as plainly as can be, with no code in common with run(),
-    /// and tells a voxel of the output that is further away than the plan allows. Of the volume last planned, which is
+    /// and tells a voxel of the output that is further away than the plan allows. Of the volume last begun, which is
     /// structured, and both lie in host memory. None is told where options or values leave more than one answer.
     virtual std::optional<WrongVoxel> wrong_voxel(ConstView input, ConstView output) const = 0;
 };

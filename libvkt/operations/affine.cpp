@@ -12,7 +12,10 @@ VKT_OPERATION(AffineOperation, "affine")
 
 namespace {
 
-constexpr std::size_t largest_file = std::size_t{1} << 20;
+std::string read_text(std::string const& file) {
+    constexpr std::size_t largest = std::size_t{1} << 20;
+    return whole_text(file, largest);
+}
 
 /// True for what is meant as a matrix: something that begins with a number and goes on, or nothing.
 bool is_list(std::string const& word) {
@@ -54,19 +57,20 @@ void AffineOperation::check() const {
     }
 }
 
-Plan AffineOperation::plan(std::span<Header const> inputs) {
-    if (is_list(matrix_))
-        transform_ = parse_transform(matrix_, "MATRIX");
-    else
-        transform_ = parse_transform(whole_text(matrix_, largest_file), matrix_);
-    if (transform_.itk && unit_ == LengthUnit::voxel)
+TransformText AffineOperation::transform() const {
+    TransformText result =
+        is_list(matrix_) ? parse_transform(matrix_, "MATRIX") : parse_transform(text_.of(matrix_, read_text), matrix_);
+    if (result.itk && unit_ == LengthUnit::voxel)
         throw Error(ErrorKind::usage, "ITK's transforms are about the world: --unit voxel does not apply");
-    if (inverse_) transform_.map = inverse(transform_.map);
-    return AffineTransform::plan(inputs);
+    if (inverse_) result.map = inverse(result.map);
+    return result;
 }
 
-Affine AffineOperation::source_map(Header const& lattice, Index3 lower) const {
-    Affine const& t = transform_.map;
+Affine AffineOperation::source_map(Moved const& moved) const {
+    TransformText const transform = this->transform();
+    Affine const& t = transform.map;
+    Header const& lattice = moved.header;
+    Index3 const lower = moved.lower;
     if (unit_ == LengthUnit::voxel) {
         Vec3 const l{static_cast<double>(lower.x), static_cast<double>(lower.y), static_cast<double>(lower.z)};
         Affine map = t;
@@ -74,7 +78,7 @@ Affine AffineOperation::source_map(Header const& lattice, Index3 lower) const {
         return map;
     }
     // In voxels around the lattice's own origin, so that a far one costs no digits of the linear part.
-    Geometry const geometry = transform_.itk ? geometry_in(lps_frame, lattice) : lattice.geometry;
+    Geometry const geometry = transform.itk ? geometry_in(lps_frame, lattice) : lattice.geometry;
     Geometry linear = geometry;
     linear.origin = {};
     Affine map;

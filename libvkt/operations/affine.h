@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/read_once.h"
 #include "libvkt/operations/affine_transform.h"
 #include "libvkt/operations/gaussian.h"
 #include "libvkt/operations/transform_file.h"
@@ -17,16 +18,18 @@ public:
     Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
 
 protected:
-    Affine source_map(Header const& lattice, Index3 lower) const override;
+    Affine source_map(Moved const& moved) const override;
 
 private:
+    /// As it is given, or its inverse.
+    TransformText transform() const;
+
     std::string matrix_;
     LengthUnit unit_ = LengthUnit::world;
     bool inverse_ = false;
-    TransformText transform_;
+    ReadOnce<std::string> text_; ///< of the file
 };
 
 } // namespace vkt

@@ -67,11 +67,10 @@ Lattice enclosing(Affine const& source_map, Index3 dims, Vec3 spacing) {
 
 } // namespace
 
-Vec3 AffineTransform::fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) const {
-    if (!about && in_place_) return middle_;
+Vec3 AffineTransform::fixed_point(std::optional<Vec3> const& about, Moved const& moved) {
+    if (!about) return moved.middle;
     Vec3 result;
-    for (int a = 0; a < 3; ++a)
-        result[a] = about ? (*about)[a] - static_cast<double>(lower[a]) : 0.5 * static_cast<double>(dims[a] - 1);
+    for (int a = 0; a < 3; ++a) result[a] = (*about)[a] - static_cast<double>(moved.lower[a]);
     return result;
 }
 
@@ -110,6 +109,8 @@ void AffineTransform::check() const {
 }
 
 Placement AffineTransform::place_result(Header const& input, Header& output) const {
+    Moved whole{input, {}, {}};
+    for (int a = 0; a < 3; ++a) whole.middle[a] = 0.5 * static_cast<double>(input.dims[a] - 1);
     if (!like_.file.empty()) {
         Header const& like = like_.header();
         output.dims = like.dims;
@@ -119,9 +120,9 @@ Placement AffineTransform::place_result(Header const& input, Header& output) con
             output.attributes["space"] = space->second;
         if (!(like.dims == input.dims && same_place(like, input))) output.part.reset();
         Affine const grid = index_to_index(geometry_beside(input, like), input.geometry);
-        return place(composed(source_map(input, {}), grid), like.dims);
+        return place(composed(source_map(whole), grid), like.dims);
     }
-    Affine map = source_map(input, {});
+    Affine map = source_map(whole);
     if (expand_) {
         Lattice const lattice = enclosing(map, input.dims, input.geometry.spacing);
         Affine grid;
@@ -139,74 +140,83 @@ Placement AffineTransform::place_result(Header const& input, Header& output) con
     return place(map, output.dims);
 }
 
-Plan AffineTransform::plan(std::span<Header const> inputs) {
-    Header const& input = inputs.front();
+AffineTransform::Layout AffineTransform::layout_for(Header const& input) const {
     if (input.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage,
                     text("the cells of a hierarchical volume cannot be moved: they would leave the bricks"),
                     "make it a grid first: vkt resample --cells 50M");
-    losses_ = {};
-    onto_.reset();
-    type_ = input.dtype;
-    Plan plan;
-    plan.output = input;
-    in_place_ = false;
-    Placement placement;
+    Layout layout;
+    layout.output = input;
     if (region_.empty()) {
-        placement = place_result(input, plan.output);
-        box_ = box_of(plan.output.dims);
-        region_dims_ = input.dims;
+        layout.placement = place_result(input, layout.output);
+        layout.box = box_of(layout.output.dims);
+        layout.region_dims = input.dims;
     } else {
         FineRegion const region = resolve_fine(region_, input.dims);
         if (region.voxels.empty())
             throw Error(ErrorKind::usage, text("--roi ", region_.text, " holds no voxel's centre"),
                         "centres lie at 0.5, 1.5, …: ends are counted from the outer face of the first voxel");
-        box_ = region.voxels;
-        middle_ = region.middle();
-        in_place_ = true;
-        region_dims_ = box_.dims();
-        Header part = input;
-        part.dims = region_dims_;
-        part.geometry = cropped(input.geometry, box_.lower);
-        placement = place(source_map(part, box_.lower), part.dims);
+        layout.box = region.voxels;
+        layout.in_place = true;
+        layout.region_dims = layout.box.dims();
+        Moved part{input, layout.box.lower, region.middle()};
+        part.header.dims = layout.region_dims;
+        part.header.geometry = cropped(input.geometry, layout.box.lower);
+        layout.placement = place(source_map(part), layout.region_dims);
     }
     try {
-        vkt::check(plan.output);
+        vkt::check(layout.output);
     } catch (Error const& error) { // what was asked for is too large: not the data's fault
         throw Error(ErrorKind::usage, error.what(), error.hint());
     }
-    OntoValues values{type_, type_};
+    layout.values.in = layout.values.out = input.dtype;
     Background background;
     if (boundary_)
-        values.border = input.values.stored(boundary_->value);
+        layout.values.border = input.values.stored(boundary_->value);
     else
-        background = background_in(plan.output, background_, input);
-    values.background = background.stored;
-    other_background_.reset();
-    if (background.other) other_background_ = plan.output.values.physical(background.stored);
-    placement_ = placement;
-    values_ = values;
-    choice_.reset();
-    if (tolerance_ && !placement.whole())
-        choice_.emplace(input, in_place_ ? box_ : box_of(input.dims), placement.between());
-    // Of what may be chosen the last one looks furthest.
-    take_method(choice_ ? InterpolationChoice::candidates.back()
-                        : static_cast<ResampleMethod>(method_.value_or(SamplingMethod{})));
-    preparation_ = in_place_ || choice_ ? nullptr : onto_->take_coefficients();
-    onto_->describe(plan);
-    onto_->pass(input, plan);
-    if (choice_) choice_->announce(*tolerance_, plan);
-    if (in_place_) plan.shift.reset();
+        background = background_in(layout.output, background_, input);
+    layout.values.background = background.stored;
+    if (background.other) layout.other_background = layout.output.values.physical(background.stored);
+    return layout;
+}
+
+std::optional<InterpolationChoice> AffineTransform::choice_for(Header const& input, Layout const& layout) const {
+    if (!tolerance_ || layout.placement.whole()) return std::nullopt;
+    return InterpolationChoice(input, layout.in_place ? layout.box : box_of(input.dims), layout.placement.between());
+}
+
+Onto AffineTransform::onto_by(ResampleMethod method, Layout const& layout) const {
+    return Onto(layout.placement, layout.region_dims, layout.box.dims(), method, boundary_, layout.values);
+}
+
+Plan AffineTransform::plan(std::span<Header const> inputs) const {
+    Header const& input = inputs.front();
+    Layout const layout = layout_for(input);
+    auto const choice = choice_for(input, layout);
+    Onto const onto = onto_by(first_method(choice.has_value()), layout);
+    Plan plan;
+    plan.output = layout.output;
+    onto.describe(plan);
+    onto.pass(input, plan);
+    if (choice) choice->announce(*tolerance_, plan);
+    if (layout.in_place) plan.shift.reset();
     return plan;
 }
 
-void AffineTransform::take_method(ResampleMethod method) {
-    onto_.emplace(placement_, region_dims_, box_.dims(), method, boundary_, values_);
+void AffineTransform::begin(std::span<Header const> inputs, Plan const&) {
+    Header const& input = inputs.front();
+    losses_ = {};
+    layout_ = layout_for(input);
+    choice_ = choice_for(input, layout_);
+    onto_.emplace(onto_by(first_method(choice_.has_value()), layout_));
+    preparation_ = layout_.in_place || choice_ ? nullptr : onto_->take_coefficients();
 }
 
 void AffineTransform::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
 
-void AffineTransform::scan_end() { take_method(choice_->choose(*tolerance_, placement_.coarser())); }
+void AffineTransform::scan_end() {
+    onto_.emplace(onto_by(choice_->choose(*tolerance_, layout_.placement.coarser()), layout_));
+}
 
 void AffineTransform::after_scan(Plan& plan) const {
     if (!choice_) return;
@@ -219,15 +229,15 @@ void AffineTransform::after_scan(Plan& plan) const {
 }
 
 Box AffineTransform::footprint(Box const& output, int) const {
-    if (!in_place_) return onto_->footprint(output);
-    Box const part = intersect(output, box_);
+    if (!layout_.in_place) return onto_->footprint(output);
+    Box const part = intersect(output, layout_.box);
     if (part.empty()) return output;
-    Box source = onto_->footprint({part.lower - box_.lower, part.upper - box_.lower});
+    Box source = onto_->footprint({part.lower - layout_.box.lower, part.upper - layout_.box.lower});
     if (source.empty()) return output;
-    source = {source.lower + box_.lower, source.upper + box_.lower};
+    source = {source.lower + layout_.box.lower, source.upper + layout_.box.lower};
     // What lies beyond the region is made of it.
-    bool const leaves = !(intersect(source, box_) == source);
-    if (leaves) source = box_;
+    bool const leaves = !(intersect(source, layout_.box) == source);
+    if (leaves) source = layout_.box;
     for (int a = 0; a < 3; ++a) {
         source.lower[a] = std::min(source.lower[a], output.lower[a]);
         source.upper[a] = std::max(source.upper[a], output.upper[a]);
@@ -240,15 +250,15 @@ std::size_t AffineTransform::fit(Index3 largest, Execution const&) { return onto
 void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (out.box.empty()) return;
     ConstView const in = inputs.front();
-    if (!in_place_) return onto_->run(in, out, losses_, execution);
+    if (!layout_.in_place) return onto_->run(in, out, losses_, execution);
     copy_region(in.part(out.box), out, execution);
-    Box const part = intersect(out.box, box_);
+    Box const part = intersect(out.box, layout_.box);
     if (part.empty()) return;
-    AnyView const to = out.part(part).moved_to(part.lower - box_.lower);
-    Box const needed = onto_->footprint(to.box), whole = box_of(region_dims_);
+    AnyView const to = out.part(part).moved_to(part.lower - layout_.box.lower);
+    Box const needed = onto_->footprint(to.box), whole = box_of(layout_.region_dims);
     if (needed.empty()) return onto_->run(in, to, losses_, execution);
     if (intersect(needed, whole) == needed) {
-        Box const there{needed.lower + box_.lower, needed.upper + box_.lower};
+        Box const there{needed.lower + layout_.box.lower, needed.upper + layout_.box.lower};
         return onto_->run(in.part(there).moved_to(needed.lower), to, losses_, execution);
     }
     // A region that is wrapped around.
@@ -257,10 +267,10 @@ void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execut
         window.lower[a] = std::min(window.lower[a], needed.lower[a]);
         window.upper[a] = std::max(window.upper[a], needed.upper[a]);
     }
-    window_.reserve(static_cast<std::size_t>(window.voxels()) * size_of(type_));
-    AnyView const filled = dense_view(window_.write(execution.space()), type_, window, execution.space());
-    copy_region(in.part(box_), filled.part(whole), execution);
-    fill_border(filled, whole, region_dims_, boundary_->boundary, 0, execution);
+    window_.reserve(static_cast<std::size_t>(window.voxels()) * size_of(layout_.values.in));
+    AnyView const filled = dense_view(window_.write(execution.space()), layout_.values.in, window, execution.space());
+    copy_region(in.part(layout_.box), filled.part(whole), execution);
+    fill_border(filled, whole, layout_.region_dims, boundary_->boundary, 0, execution);
     onto_->run(ConstView(filled).part(needed), to, losses_, execution);
 }
 
@@ -271,15 +281,15 @@ std::vector<std::int64_t*> AffineTransform::counters() {
 }
 
 std::vector<Remark> AffineTransform::remarks() const {
-    Index3 const n = box_.dims();
+    Index3 const n = layout_.box.dims();
     std::int64_t const voxels = n.x * n.y * n.z;
-    std::vector<Remark> result = store_remarks(losses_, voxels, type_);
+    std::vector<Remark> result = store_remarks(losses_, voxels, layout_.values.in);
     if (choice_) result.push_back(choice_->remark(*tolerance_));
     if (onto_ && onto_->outside() > 0)
         result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background",
-                               other_background_
-                                   ? text(" ", *other_background_, ", the nearest to what was meant that can be stored")
-                                   : ""),
+                               layout_.other_background ? text(" ", *layout_.other_background,
+                                                               ", the nearest to what was meant that can be stored")
+                                                        : ""),
                           false});
     return result;
 }

@@ -37,10 +37,11 @@ public:
     ReferenceVolume* like() override { return &like_; }
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
-    Box scanned(Box const& whole) const override { return in_place_ ? box_ : whole; }
+    Box scanned(Box const& whole) const override { return layout_.in_place ? layout_.box : whole; }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void after_scan(Plan& plan) const override;
@@ -52,16 +53,37 @@ public:
 
 protected:
     void sampling_parameters(Parameters& p);
-    /// The map from positions in the result to positions in the input, both in voxels of a lattice whose voxel (0,0,0)
-    /// is voxel `lower` of the volume: all of the volume, or the region.
-    virtual Affine source_map(Header const& lattice, Index3 lower) const = 0;
-    /// The point that stays, given in voxels of the volume: in voxels of a lattice of so many at `lower`, by default
-    /// its middle, or that of the region.
-    Vec3 fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) const;
+    /// What moves: all of the volume, or a region of it, in voxels of its own.
+    struct Moved {
+        Header header;
+        Index3 lower; ///< the voxel of the volume that is its voxel (0,0,0)
+        Vec3 middle;  ///< in its voxels; of a region whose ends lie between voxels, that of the region
+    };
+    /// The map from positions in the result to positions in the input, both in voxels of what moves.
+    virtual Affine source_map(Moved const& moved) const = 0;
+    /// The point that stays, in voxels of what moves: one given in voxels of the volume, or its middle.
+    static Vec3 fixed_point(std::optional<Vec3> const& about, Moved const& moved);
 
 private:
+    /// Where the result lies, and what values are in it.
+    struct Layout {
+        Header output;
+        Box box; ///< the region in voxels of the output; all of it without one
+        Index3 region_dims;
+        bool in_place = false; ///< only the region moves
+        Placement placement;
+        OntoValues values;
+        std::optional<double> other_background; ///< physical, if it is another than was meant
+    };
+    Layout layout_for(Header const& input) const;
     Placement place_result(Header const& input, Header& output) const;
-    void take_method(ResampleMethod method);
+    std::optional<InterpolationChoice> choice_for(Header const& input, Layout const& layout) const;
+    /// Of what may be chosen the last one looks furthest.
+    ResampleMethod first_method(bool chooses) const {
+        return chooses ? InterpolationChoice::candidates.back()
+                       : static_cast<ResampleMethod>(method_.value_or(SamplingMethod{}));
+    }
+    Onto onto_by(ResampleMethod method, Layout const& layout) const;
 
     std::optional<SamplingMethod> method_;
     std::optional<double> tolerance_;
@@ -71,18 +93,11 @@ private:
     Roi region_;
     ReferenceVolume like_;
 
-    Box box_; ///< the region in voxels of the output; all of it without one
-    Index3 region_dims_;
-    bool in_place_ = false; ///< only the region moves
-    Vec3 middle_;           ///< of the region, in voxels from its first
-    Placement placement_;
-    OntoValues values_;
+    Layout layout_;
     std::optional<Onto> onto_;
     std::optional<InterpolationChoice> choice_; ///< with a tolerance
     Operation* preparation_ = nullptr;
-    std::optional<double> other_background_; ///< physical, if it is another than was meant
     Losses losses_;
-    DataType type_ = DataType::uint8;
     Buffer window_;
 };
 

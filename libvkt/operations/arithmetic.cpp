@@ -213,40 +213,36 @@ void Arithmetic::check() const {
 }
 
 /// The type of the result, and its value map where values are combined as they are stored.
-void Arithmetic::choose_type(std::vector<Header const*> const& headers, Header& output) {
+void Arithmetic::choose_type(std::vector<Header const*> const& headers, Choice& choice) const {
     std::vector<Header const*> volumes; // that the result's values come from
     for (std::size_t i = op == ArithmeticOp::where ? 1 : 0; i < headers.size(); ++i)
         if (headers[i] != nullptr) volumes.push_back(headers[i]);
     if (volumes.empty()) { // where between two numbers
-        output.dtype = DataType::float64;
-        output.values = {};
+        choice.type = DataType::float64;
+        choice.values = {};
     } else {
-        output.dtype = volumes.front()->dtype;
-        output.values = volumes.front()->values;
-        if (volumes.size() > 1) output.dtype = promoted(volumes[0]->dtype, volumes[1]->dtype);
+        choice.type = volumes.front()->dtype;
+        choice.values = volumes.front()->values;
+        if (volumes.size() > 1) choice.type = promoted(volumes[0]->dtype, volumes[1]->dtype);
     }
     bool const small = std::all_of(volumes.begin(), volumes.end(), [](Header const* h) {
         return size_of(h->dtype) <= 2 || h->dtype == DataType::float32;
     });
     if (is_predicate(op)) {
-        output.dtype = DataType::uint8;
-        output.values = {};
+        choice.type = DataType::uint8;
+        choice.values = {};
     } else if (is_function(op)) {
-        output.dtype = small ? DataType::float32 : DataType::float64;
-        output.values = {};
+        choice.type = small ? DataType::float32 : DataType::float64;
+        choice.values = {};
     } else if (volumes.size() > 1 && !(volumes[0]->values == volumes[1]->values)) {
-        output.values = {};
-        output.dtype = small ? DataType::float32 : DataType::float64;
+        choice.values = {};
+        choice.type = small ? DataType::float32 : DataType::float64;
     }
-    if (dtype) output.dtype = *dtype;
-    type_ = output.dtype;
+    if (dtype) choice.type = *dtype;
 }
 
 /// Decides in which values to compute.
-void Arithmetic::choose_values(std::vector<Header const*> const& headers, Header& output) {
-    maps_ = {};
-    map_out_ = {};
-    choose_type(headers, output);
+void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice& choice) const {
     std::size_t const n = headers.size();
     bool const number = std::any_of(headers.begin(), headers.end(), [](Header const* h) { return h == nullptr; });
     bool differ = false;
@@ -262,93 +258,104 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Header
     bool const picks = op == ArithmeticOp::clamp || (op == ArithmeticOp::where && !differ);
     if (picks && mapped) {
         for (std::size_t i = 1; i < n; ++i)
-            if (numbers_[i]) numbers_[i] = Number(first->values.stored(numbers_[i]->value));
-        if (op == ArithmeticOp::clamp && first->values.slope < 0) std::swap(numbers_[1], numbers_[2]);
+            if (choice.numbers[i]) choice.numbers[i] = Number(first->values.stored(choice.numbers[i]->value));
+        if (op == ArithmeticOp::clamp && first->values.slope < 0) std::swap(choice.numbers[1], choice.numbers[2]);
     } else if (physical && !picks) {
         for (std::size_t i = 0; i < n; ++i)
-            if (headers[i] != nullptr) maps_[i] = headers[i]->values;
-        map_out_ = output.values;
+            if (headers[i] != nullptr) choice.maps[i] = headers[i]->values;
+        choice.map_out = choice.values;
     }
-    bool const stored = maps_ == std::array<ValueMap, 3>{} && map_out_ == ValueMap{};
+    bool const stored = choice.maps == std::array<ValueMap, 3>{} && choice.map_out == ValueMap{};
     auto const fits_float = [](std::optional<Number> const& v) {
         return !v || static_cast<double>(static_cast<float>(v->value)) == v->value;
     };
     auto const small_type = [](DataType t) { return size_of(t) <= 2 || t == DataType::float32; };
-    bool whole = !is_function(op), integers = true, wide = is_wide(type_), small = small_type(type_);
+    bool whole = !is_function(op), integers = true, wide = is_wide(choice.type), small = small_type(choice.type);
     for (std::size_t i = 0; i < n; ++i) {
-        whole = whole && (!numbers_[i] || numbers_[i]->whole);
+        whole = whole && (!choice.numbers[i] || choice.numbers[i]->whole);
         if (headers[i] == nullptr) {
-            small = small && fits_float(numbers_[i]);
+            small = small && fits_float(choice.numbers[i]);
             continue;
         }
         integers = integers && is_integer(headers[i]->dtype);
         wide = wide || is_wide(headers[i]->dtype);
         small = small && small_type(headers[i]->dtype);
     }
-    integers_ = integers && is_integer(type_);
-    algorithm_ = Algorithm::in_double;
-    if (stored && integers_ && wide && whole)
-        algorithm_ = Algorithm::in_integers;
-    else if (stored && small && (!is_function(op) || (op == ArithmeticOp::sqrt && type_ == DataType::float32)))
-        algorithm_ = Algorithm::in_float; // a root in float64, rounded to float32, is the same: 53 >= 2 * 24 + 2 digits
-    settles_ = false;
-    if (n != 2 || !stored || algorithm_ == Algorithm::in_integers || is_function(op) || is_logic(op)) return;
+    choice.integers = integers && is_integer(choice.type);
+    // A root in float64, rounded to float32, is that in float32: 53 >= 2 * 24 + 2 digits.
+    if (stored && choice.integers && wide && whole)
+        choice.algorithm = Algorithm::in_integers;
+    else if (stored && small && (!is_function(op) || (op == ArithmeticOp::sqrt && choice.type == DataType::float32)))
+        choice.algorithm = Algorithm::in_float;
+    if (n != 2 || !stored || choice.algorithm == Algorithm::in_integers || is_function(op) || is_logic(op)) return;
     auto const of = [&](std::size_t i) {
-        return numbers_[i] ? Operand::of(*numbers_[i]) : Operand::of(headers[i]->dtype);
+        return choice.numbers[i] ? Operand::of(*choice.numbers[i]) : Operand::of(headers[i]->dtype);
     };
-    settles_ = rounds_twice(of(0), of(1));
+    choice.settles = rounds_twice(choice, of(0), of(1));
 }
 
 /// True if rounding to the type of the computation first, and then to that of the result, may go wrong.
-bool Arithmetic::rounds_twice(Operand const& u, Operand const& v) const {
+bool Arithmetic::rounds_twice(Choice const& choice, Operand const& u, Operand const& v) const {
     if (u.inexact || v.inexact) return true;
-    bool const single = algorithm_ == Algorithm::in_float;
+    bool const single = choice.algorithm == Algorithm::in_float;
     if (op == ArithmeticOp::min || op == ArithmeticOp::max || is_predicate(op)) return false;
-    if (type_ == (single ? DataType::float32 : DataType::float64)) return false;
+    if (choice.type == (single ? DataType::float32 : DataType::float64)) return false;
     int const digits = single ? 24 : 53;
     // Sums of integers fit, products do or are far outside of the result's type, and a quotient that is no half lies
     // further from one than it is off.
     int const small = single ? 16 : 32;
-    if (is_integer(type_) && u.lowest >= 0 && v.lowest >= 0 && u.highest <= small && v.highest <= small) return false;
+    if (is_integer(choice.type) && u.lowest >= 0 && v.lowest >= 0 && u.highest <= small && v.highest <= small)
+        return false;
     if (op == ArithmeticOp::mul) return u.digits + v.digits > digits;
     if (op == ArithmeticOp::div) return v.digits > 1 || u.digits > digits;
     return std::max(u.highest, v.highest) + 1 - std::min(u.lowest, v.lowest) > digits;
 }
 
-Plan Arithmetic::plan(std::span<Header const> inputs) {
-    counts_ = {};
-    numbers_.clear();
+Arithmetic::Choice Arithmetic::choice(std::span<Header const> inputs) const {
+    Choice choice;
     std::vector<Header const*> headers;
     std::size_t next = 0;
     for (auto const& word : operands()) {
-        numbers_.push_back(as_number(word));
-        headers.push_back(numbers_.back() || next >= inputs.size() ? nullptr : &inputs[next++]);
+        choice.numbers.push_back(as_number(word));
+        headers.push_back(choice.numbers.back() || next >= inputs.size() ? nullptr : &inputs[next++]);
     }
-    Header const& first = inputs.front();
+    choose_type(headers, choice);
+    choose_values(headers, choice);
+    return choice;
+}
+
+Plan Arithmetic::plan(std::span<Header const> inputs) const {
     require_same_grid(inputs);
+    Choice const choice = this->choice(inputs);
     Plan plan;
-    plan.output = first;
-    choose_values(headers, plan.output);
-    voxels_ = first.voxels();
-    plan.method = algorithm_ == Algorithm::in_integers ? "128-bit integers"
-                  : algorithm_ == Algorithm::in_float  ? "float32"
-                                                       : "float64";
-    if (settles_) plan.method += ", exact where that would round twice";
-    if (algorithm_ == Algorithm::in_integers) plan.cost = 8;
+    plan.output = inputs.front();
+    plan.output.dtype = choice.type;
+    plan.output.values = choice.values;
+    plan.method = choice.algorithm == Algorithm::in_integers ? "128-bit integers"
+                  : choice.algorithm == Algorithm::in_float  ? "float32"
+                                                             : "float64";
+    if (choice.settles) plan.method += ", exact where that would round twice";
+    if (choice.algorithm == Algorithm::in_integers) plan.cost = 8;
     if (is_function(op)) {
         plan.cost = op == ArithmeticOp::sqrt ? 4 : 20;
         plan.error.kind = ErrorBound::Kind::estimate;
-        plan.error.magnitude = 4 * 0x1p-53 + storing_error(type_);
-    } else if (!(maps_ == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, unless values cancel
+        plan.error.magnitude = 4 * 0x1p-53 + storing_error(choice.type);
+    } else if (!(choice.maps == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, if none cancel
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
     }
-    pass(inputs, plan);
+    pass(inputs, choice, plan);
     return plan;
 }
 
+void Arithmetic::begin(std::span<Header const> inputs, Plan const&) {
+    choice_ = choice(inputs);
+    voxels_ = inputs.front().voxels();
+    counts_ = {};
+}
+
 /// Of values as they are stored where they are combined so; a common value map then changes no sum's error.
-void Arithmetic::pass(std::span<Header const> inputs, Plan& plan) const {
+void Arithmetic::pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const {
     struct Term {
         std::optional<ValueInterval> values;
         double error = 0;
@@ -357,7 +364,7 @@ void Arithmetic::pass(std::span<Header const> inputs, Plan& plan) const {
     std::vector<Term> terms;
     bool mapped = !(plan.output.values == ValueMap{}), whole = true, numbers = false;
     std::size_t next = 0;
-    for (auto const& number : numbers_) {
+    for (auto const& number : choice.numbers) {
         if (number) {
             terms.push_back({ValueInterval{number->value, number->value}});
             if (!std::isfinite(number->value)) terms.back().values.reset();
@@ -476,64 +483,64 @@ void Arithmetic::pass(std::span<Header const> inputs, Plan& plan) const {
         if (!sums && !picks) gains.assign(3, HUGE_VAL);
         if (picks && numbers) gains.assign(3, HUGE_VAL);
     }
-    if (mapped && !is_integer(type_)) {
+    if (mapped && !is_integer(choice.type)) {
         plan.passing = {};
         plan.passing.because = "values under a value map";
         return;
     }
     plan.passing.gain.clear();
-    for (std::size_t i = 0; i < numbers_.size(); ++i)
-        if (!numbers_[i]) plan.passing.gain.push_back(gains[i]);
+    for (std::size_t i = 0; i < choice.numbers.size(); ++i)
+        if (!choice.numbers[i]) plan.passing.gain.push_back(gains[i]);
     plan.passing.passed = passed;
     plan.passing.values = values;
-    if (is_predicate(op) || (whole && !mapped && !is_function(op) && is_integer(type_)))
+    if (is_predicate(op) || (whole && !mapped && !is_function(op) && is_integer(choice.type)))
         plan.passing.storing = ErrorPassing::Storing::whole;
     if (!is_function(op)) return;
     // Some units in the last place of the result, not of what goes in.
     double const largest = values && values->finite() ? values->reach() : HUGE_VAL;
-    plan.passing.own = (4 * 0x1p-53 + storing_error(type_)) * largest + storing_floor(type_) +
-                       (is_integer(type_) ? 0.5 * std::abs(plan.output.values.slope) : 0);
+    plan.passing.own = (4 * 0x1p-53 + storing_error(choice.type)) * largest + storing_floor(choice.type) +
+                       (is_integer(choice.type) ? 0.5 * std::abs(plan.output.values.slope) : 0);
 }
 
 void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    if (settles_) {
+    if (choice_.settles) {
         std::array<ExactOperand, 2> operand;
         std::size_t next = 0;
         for (std::size_t i = 0; i < 2; ++i) {
-            if (numbers_[i]) {
-                operand[i].number = numbers_[i]->value;
-                operand[i].exact_number = exact(*numbers_[i]);
-                if (is_inexact(*numbers_[i])) operand[i].inexact_from = 0;
+            if (choice_.numbers[i]) {
+                operand[i].number = choice_.numbers[i]->value;
+                operand[i].exact_number = exact(*choice_.numbers[i]);
+                if (is_inexact(*choice_.numbers[i])) operand[i].inexact_from = 0;
             } else {
                 operand[i].view = &inputs[next++];
                 if (is_wide(operand[i].view->type)) operand[i].inexact_from = 0x1p53;
             }
         }
-        return arithmetic_settled(op, algorithm_ == Algorithm::in_float, operand[0], operand[1], out, counts_,
+        return arithmetic_settled(op, choice_.algorithm == Algorithm::in_float, operand[0], operand[1], out, counts_,
                                   execution);
     }
     ArithmeticTask task;
     task.op = op;
-    task.type = algorithm_ == Algorithm::in_integers ? ArithmeticType::in_integers
-                : algorithm_ == Algorithm::in_float  ? ArithmeticType::in_float
-                                                     : ArithmeticType::in_double;
+    task.type = choice_.algorithm == Algorithm::in_integers ? ArithmeticType::in_integers
+                : choice_.algorithm == Algorithm::in_float  ? ArithmeticType::in_float
+                                                            : ArithmeticType::in_double;
     int next = 0;
-    for (std::size_t i = 0; i < numbers_.size(); ++i) {
-        task.volume[i] = numbers_[i] ? -1 : next++;
-        if (!numbers_[i]) continue;
-        task.number[i] = numbers_[i]->value;
-        task.whole[i] = numbers_[i]->whole.value_or(0);
+    for (std::size_t i = 0; i < choice_.numbers.size(); ++i) {
+        task.volume[i] = choice_.numbers[i] ? -1 : next++;
+        if (!choice_.numbers[i]) continue;
+        task.number[i] = choice_.numbers[i]->value;
+        task.whole[i] = choice_.numbers[i]->whole.value_or(0);
     }
-    task.map = maps_;
-    task.result = map_out_;
-    task.counts_zeros = op == ArithmeticOp::div && integers_;
-    task.lowest = lowest_of(type_);
-    task.highest = highest_of(type_);
+    task.map = choice_.maps;
+    task.result = choice_.map_out;
+    task.counts_zeros = op == ArithmeticOp::div && choice_.integers;
+    task.lowest = lowest_of(choice_.type);
+    task.highest = highest_of(choice_.type);
     arithmetic(task, inputs, out, counts_, execution);
 }
 
 std::vector<Remark> Arithmetic::remarks() const {
-    std::vector<Remark> result = store_remarks(counts_, voxels_, type_);
+    std::vector<Remark> result = store_remarks(counts_, voxels_, choice_.type);
     if (counts_.undefined > 0)
         result.push_back({text(share_text(counts_.undefined, voxels_), " divided by zero"), true});
     return result;

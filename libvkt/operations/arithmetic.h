@@ -74,10 +74,11 @@ public:
     void parameters(Parameters& p) override;
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     bool uses_position() const override { return false; }
     /// Where results are computed once more exactly only CPUs do that.
-    bool runs_on_gpu() const override { return !settles_; }
+    bool runs_on_gpu() const override { return !choice_.settles; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
@@ -87,18 +88,25 @@ private:
     struct Operand;
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
-    void pass(std::span<Header const> inputs, Plan& plan) const;
-    void choose_values(std::vector<Header const*> const& headers, Header& output);
-    void choose_type(std::vector<Header const*> const& headers, Header& output);
-    bool rounds_twice(Operand const& u, Operand const& v) const;
+    /// In which values, and as what, results are computed.
+    struct Choice {
+        DataType type = DataType::uint8; ///< of the result,
+        ValueMap values;                 ///< and its value map
+        Algorithm algorithm = Algorithm::in_double;
+        std::vector<std::optional<Number>> numbers; ///< of each operand, none for a volume
+        std::array<ValueMap, 3> maps{};             ///< from stored operands to what is computed with
+        ValueMap map_out;                           ///< … and back
+        bool integers = false;
+        bool settles = false; ///< results are computed once more, exactly, where that may round twice
+    };
+    Choice choice(std::span<Header const> inputs) const;
+    void choose_type(std::vector<Header const*> const& headers, Choice& choice) const;
+    void choose_values(std::vector<Header const*> const& headers, Choice& choice) const;
+    bool rounds_twice(Choice const& choice, Operand const& u, Operand const& v) const;
+    void pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const;
 
-    Algorithm algorithm_ = Algorithm::in_double;
-    std::vector<std::optional<Number>> numbers_; ///< of each operand, none for a volume
-    std::array<ValueMap, 3> maps_{};             ///< from stored operands to what is computed with
-    ValueMap map_out_;                           ///< … and back
-    bool integers_ = false, settles_ = false;
+    Choice choice_;
     std::int64_t voxels_ = 0;
-    DataType type_ = DataType::uint8;
     Losses counts_;
 };
 

@@ -67,13 +67,10 @@ std::vector<Knob> BilateralFilter::knobs() const {
     return {{"radius", values, reaching(5), false}};
 }
 
-void BilateralFilter::prepare(Header const& in, Plan& plan) {
-    require_border_voxel(in);
-    type_ = in.dtype;
-    rule_ = {};
-    rule_.range_sigma = range_sigma_ / std::abs(in.values.slope);
-    double count = 1;
-    Vec3 const cells = sigma_in_cells(sigma_, unit_, in, cell_width_);
+BilateralRule BilateralFilter::rule_for(Header const& in, Index3 cell_width) const {
+    BilateralRule rule;
+    rule.range_sigma = range_sigma_ / std::abs(in.values.slope);
+    Vec3 const cells = sigma_in_cells(sigma_, unit_, in, cell_width);
     for (int axis = 0; axis < 3; ++axis) {
         double const sigma = cells[axis];
         double const reach = sigma > 0 ? std::ceil(2.5 * sigma) : 0;
@@ -81,30 +78,40 @@ void BilateralFilter::prepare(Header const& in, Plan& plan) {
             throw Error(ErrorKind::usage,
                         text("--sigma of ", sigma, " voxels reaches further than ", most_bilateral_radius, " voxels"),
                         "say --radius to cut it off, or halve the resolution first: vkt resample --scale 0.5");
-        rule_.sigma[axis] = sigma;
-        rule_.radius[axis] = sigma > 0 ? radius_ ? radius_->voxels[axis] : static_cast<std::int64_t>(reach) : 0;
-        count *= static_cast<double>(2 * rule_.radius[axis] + 1);
+        rule.sigma[axis] = sigma;
+        rule.radius[axis] = sigma > 0 ? radius_ ? radius_->voxels[axis] : static_cast<std::int64_t>(reach) : 0;
     }
-    reach_ = rule_.radius;
+    return rule;
+}
+
+void BilateralFilter::describe(Header const& in, Index3 cell_width, Plan& plan) const {
+    require_border_voxel(in);
+    Index3 const radius = rule_for(in, cell_width).radius;
     plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
     plan.passing.gain = {HUGE_VAL};
     plan.passing.because = "its weights follow the values";
-    if (reach_ == Index3{}) {
+    if (radius == Index3{}) {
         plan.passing = {}; // that of a copy
         plan.shift = Index3{};
         plan.method = "copy";
         plan.cost = 0;
         return;
     }
-    Index3 const edges = reach_ + reach_ + Index3{1, 1, 1};
+    Index3 const edges = radius + radius + Index3{1, 1, 1};
     plan.method = text("bilateral, every weight of ", edges.x, "x", edges.y, "x", edges.z);
-    plan.cost = 8 * count;
-    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
-    bool const narrow = size_of(type_) <= 2 || type_ == DataType::float32;
+    plan.cost = 8 * static_cast<double>(edges.x) * static_cast<double>(edges.y) * static_cast<double>(edges.z);
+    plan.slab_hint = std::max<std::int64_t>(8, 4 * radius.z);
+    bool const narrow = size_of(in.dtype) <= 2 || in.dtype == DataType::float32;
     plan.error.kind = ErrorBound::Kind::estimate;
     plan.error.range = static_cast<double>(edges.x + edges.y + edges.z + 16) * (narrow ? 0x1p-24 : 0x1p-53);
-    plan.error.magnitude = storing_error(type_) + (narrow ? 0x1p-24 : 0x1p-53);
-    plan.error.absolute = std::abs(in.values.slope) * storing_floor(type_);
+    plan.error.magnitude = storing_error(in.dtype) + (narrow ? 0x1p-24 : 0x1p-53);
+    plan.error.absolute = std::abs(in.values.slope) * storing_floor(in.dtype);
+}
+
+void BilateralFilter::prepare(Header const& in, Index3 cell_width) {
+    type_ = in.dtype;
+    rule_ = rule_for(in, cell_width);
+    reach_ = rule_.radius;
 }
 
 std::size_t BilateralFilter::fit(Index3, Execution const& execution) {

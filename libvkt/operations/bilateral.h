@@ -28,10 +28,13 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
-    void prepare(Header const& in, Plan& plan) override;
+    void describe(Header const& in, Index3 cell_width, Plan& plan) const override;
+    void prepare(Header const& in, Index3 cell_width) override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
+    BilateralRule rule_for(Header const& in, Index3 cell_width) const;
+
     Vec3 sigma_{1, 1, 1};
     double range_sigma_ = 0;
     LengthUnit unit_ = LengthUnit::voxel;

@@ -53,12 +53,12 @@ void BoxMean::check() const {
     radius_.check(most_window_radius);
 }
 
-void BoxMean::prepare(Header const& in, Plan& plan) {
+void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
     require_border_voxel(in);
-    reach_ = radius_.voxels;
-    type_ = in.dtype;
+    Index3 const radius = radius_.voxels;
+    DataType const type = in.dtype;
     plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
-    if (reach_ == Index3{}) {
+    if (radius == Index3{}) {
         plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
@@ -67,15 +67,20 @@ void BoxMean::prepare(Header const& in, Plan& plan) {
     }
     Index3 const edges = radius_.edges();
     plan.method = text("windows of sums, ", edges.x, "x", edges.y, "x", edges.z,
-                       box_sum_bytes(type_, reach_) == 4 ? ", int32" : ", float64");
+                       box_sum_bytes(type, radius) == 4 ? ", int32" : ", float64");
     plan.cost = 2 * std::log2(static_cast<double>(edges.x)) + 8;
-    plan.slab_hint = std::max<std::int64_t>(8, 8 * reach_.z);
-    bool const whole = is_integer(type_);
-    if (whole && size_of(type_) < 8 && count_of(reach_) * (highest_of(type_) - lowest_of(type_)) < 0x1p53) return;
+    plan.slab_hint = std::max<std::int64_t>(8, 8 * radius.z);
+    bool const whole = is_integer(type);
+    if (whole && size_of(type) < 8 && count_of(radius) * (highest_of(type) - lowest_of(type)) < 0x1p53) return;
     plan.error.kind = ErrorBound::Kind::bound;
-    plan.error.magnitude = (static_cast<double>(edges.x + edges.y + edges.z) + 4) * 0x1p-53 + storing_error(type_);
-    plan.error.absolute = std::abs(in.values.slope) * storing_floor(type_);
-    plan.error.limit(type_, in.values.slope, std::nullopt);
+    plan.error.magnitude = (static_cast<double>(edges.x + edges.y + edges.z) + 4) * 0x1p-53 + storing_error(type);
+    plan.error.absolute = std::abs(in.values.slope) * storing_floor(type);
+    plan.error.limit(type, in.values.slope, std::nullopt);
+}
+
+void BoxMean::prepare(Header const& in, Index3 /*cell_width*/) {
+    reach_ = radius_.voxels;
+    type_ = in.dtype;
 }
 
 std::size_t BoxMean::fit(Index3 largest, Execution const& execution) {

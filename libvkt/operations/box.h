@@ -20,7 +20,8 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
-    void prepare(Header const& in, Plan& plan) override;
+    void describe(Header const& in, Index3 cell_width, Plan& plan) const override;
+    void prepare(Header const& in, Index3 cell_width) override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:

@@ -116,91 +116,101 @@ void Clahe::check() const {
             throw Error(ErrorKind::usage, text("--bricks ", bricks_[axis], " is not between 1 and ", most_bricks));
 }
 
-Plan Clahe::plan(std::span<Header const> inputs) {
-    check();
-    input_ = inputs.front();
-    losses_ = {};
-    counts_.clear();
-    copies_ = scans_again_ = false;
-    field_ = {};
-    field_.bins = bin_count_;
-    field_.grid.box = roi_.empty() ? box_of(input_.dims) : roi_.resolve(input_.dims);
-    for (int axis = 0; axis < 3; ++axis)
-        field_.grid.bricks[axis] = std::min(bricks_[axis], field_.grid.box.dims()[axis]);
-    field_.whole = is_integer(input_.dtype) && size_of(input_.dtype) == 8;
-    field_.wide =
-        field_.whole || size_of(input_.dtype) == 8 || (is_integer(input_.dtype) && size_of(input_.dtype) == 4);
-    ends_.emplace(range_, input_);
-    ends_known_ = !range_.depends();
-    if (ends_known_) set_window(ends_->low(), ends_->high());
+Clahe::Window Clahe::window_for(Header const& in, RangeScan const& ends) const {
+    Window window;
+    ClaheField& field = window.field;
+    field.bins = bin_count_;
+    field.grid.box = roi_.empty() ? box_of(in.dims) : roi_.resolve(in.dims);
+    for (int axis = 0; axis < 3; ++axis) field.grid.bricks[axis] = std::min(bricks_[axis], field.grid.box.dims()[axis]);
+    field.whole = is_integer(in.dtype) && size_of(in.dtype) == 8;
+    field.wide = field.whole || size_of(in.dtype) == 8 || (is_integer(in.dtype) && size_of(in.dtype) == 4);
+    if (!range_.depends()) set_ends(window, in.dtype, ends.low(), ends.high());
+    return window;
+}
 
+Plan Clahe::plan(std::span<Header const> inputs) const {
+    check();
+    Header const& in = inputs.front();
+    RangeScan const ends(range_, in);
+    ClaheField const field = window_for(in, ends).field;
     Plan plan;
-    plan.output = input_;
+    plan.output = in;
     plan.scans = true;
     plan.cost = 32;
-    Index3 const b = field_.grid.bricks;
+    Index3 const b = field.grid.bricks;
     plan.method = text("CLAHE, ", b.x, "x", b.y, "x", b.z, " bricks, ", bin_count_, " bins, clip ", clip(), " as ",
                        enum_name(rule_));
     double const counters = static_cast<double>(bin_count_ + 3) * sizeof(std::uint64_t),
-                 curves = static_cast<double>(curve_bytes(field_));
+                 curves = static_cast<double>(curve_bytes(field));
     auto const columns = static_cast<double>(b.x * b.y); // at most 2^24
     double const tables = columns * static_cast<double>(b.z) * (counters + curves) + columns * curves;
-    plan.state_bytes = static_cast<std::size_t>(std::min(tables, 0x1p62)) + ends_->state_bytes();
+    plan.state_bytes = static_cast<std::size_t>(std::min(tables, 0x1p62)) + ends.state_bytes();
     // A bin's share of the result is its share of the voxels; what rounding places wrongly, it magnifies.
     double const n = bin_count_, c = clip();
     double const steepest = std::min(n, rule_ == ClipRule::opencv    ? c + 1
                                         : rule_ == ClipRule::pizer   ? std::max(c, 1.0)
                                         : rule_ == ClipRule::skimage ? c * n + 1
                                                                      : n);
-    double const unit = field_.wide ? 0x1p-53 : 0x1p-24;
+    double const unit = field.wide ? 0x1p-53 : 0x1p-24;
     plan.error.kind = ErrorBound::Kind::bound;
     plan.passing = ErrorPassing::computed(HUGE_VAL, {});
     plan.passing.because = "its curves follow counts of values";
     plan.error.range = (4 * steepest + 16) * unit;
-    plan.error.magnitude = (4 * steepest + 4) * unit + storing_error(input_.dtype);
-    plan.error.limit(input_.dtype, input_.values.slope, std::nullopt);
-    error_ = plan.error;
+    plan.error.magnitude = (4 * steepest + 4) * unit + storing_error(in.dtype);
+    plan.error.limit(in.dtype, in.values.slope, std::nullopt);
     return plan;
 }
 
+void Clahe::begin(std::span<Header const> inputs, Plan const& plan) {
+    input_ = inputs.front();
+    error_ = plan.error;
+    losses_ = {};
+    counts_.clear();
+    scans_again_ = false;
+    ends_.emplace(range_, input_);
+    ends_known_ = !range_.depends();
+    window_ = window_for(input_, *ends_);
+}
+
 /// Bins and map of a window of stored values, given in any order.
-void Clahe::set_window(StoredValue low, StoredValue high) {
+void Clahe::set_ends(Window& window, DataType type, StoredValue low, StoredValue high) const {
+    ClaheField& field = window.field;
     if (high - low < 0) std::swap(low, high);
     double const extent = high - low;
-    copies_ = !(extent > 0);
-    if (copies_) return;
+    window.copies = !(extent > 0);
+    if (window.copies) return;
     auto const number = [](StoredValue const& v) {
         if (v.rest != 0) return Number(v.value());
         Number result(v.value());
         result.whole = v.whole;
         return result;
     };
-    bins_ = Bins(input_.dtype, {}, number(low), number(high), bin_count_);
-    field_.low = low.value();
-    field_.high = high.value();
-    field_.scale = 1;
-    if (field_.whole) { // from the integer part of the lower end on
-        field_.base = low.whole;
-        if (low.whole == 0) field_.base = static_cast<Int128>(std::floor(std::clamp(low.rest, -0x1p100, 0x1p100)));
-        StoredValue const base{field_.base, 0};
-        field_.low = low - base;
-        field_.high = high - base;
+    window.bins = Bins(type, {}, number(low), number(high), bin_count_);
+    field.low = low.value();
+    field.high = high.value();
+    field.scale = 1;
+    if (field.whole) { // from the integer part of the lower end on
+        field.base = low.whole;
+        if (low.whole == 0) field.base = static_cast<Int128>(std::floor(std::clamp(low.rest, -0x1p100, 0x1p100)));
+        StoredValue const base{field.base, 0};
+        field.low = low - base;
+        field.high = high - base;
     }
     double const smallest_float = std::numeric_limits<float>::min() * 0x1p20;
-    if (!field_.wide && !(extent < 0x1p120 && extent > smallest_float * bin_count_)) field_.wide = true;
-    if (!std::isfinite(extent)) field_.scale = 0.25;
-    if (extent < 0x1p-900) field_.scale = 0x1p500;
-    field_.scaled_low = field_.low * field_.scale;
-    field_.scaled_width = field_.high * field_.scale - field_.scaled_low;
-    field_.per_unit = bin_count_ / field_.scaled_width;
+    if (!field.wide && !(extent < 0x1p120 && extent > smallest_float * bin_count_)) field.wide = true;
+    if (!std::isfinite(extent)) field.scale = 0.25;
+    if (extent < 0x1p-900) field.scale = 0x1p500;
+    field.scaled_low = field.low * field.scale;
+    field.scaled_width = field.high * field.scale - field.scaled_low;
+    field.per_unit = bin_count_ / field.scaled_width;
 }
 
 void Clahe::scan(ConstView slab, Execution const& execution) {
-    Box const box = intersect(slab.box, field_.grid.box);
-    if (box.empty() || copies_) return;
+    Box const box = intersect(slab.box, window_.field.grid.box);
+    if (box.empty() || window_.copies) return;
     if (!ends_known_) return ends_->scan(slab.part(box), execution);
-    counts_.resize(bins_.slots() * static_cast<std::size_t>(field_.grid.count()));
-    count_in_bins(slab.part(box), bins_, field_.grid, counts_.data(), execution);
+    counts_.resize(window_.bins.slots() * static_cast<std::size_t>(window_.field.grid.count()));
+    count_in_bins(slab.part(box), window_.bins, window_.field.grid, counts_.data(), execution);
 }
 
 void Clahe::scan_end() {
@@ -211,26 +221,26 @@ void Clahe::scan_end() {
             return;
         }
         ends_known_ = true;
-        copies_ = !ends_->known();
-        if (!copies_) set_window(ends_->low(), ends_->high());
-        scans_again_ = !copies_;
+        window_.copies = !ends_->known();
+        if (!window_.copies) set_ends(window_, input_.dtype, ends_->low(), ends_->high());
+        scans_again_ = !window_.copies;
         return;
     }
-    if (!copies_) make_curves();
+    if (!window_.copies) make_curves();
 }
 
 void Clahe::make_curves() {
-    auto const bins = static_cast<std::size_t>(bins_.count());
-    auto const bricks = static_cast<std::size_t>(field_.grid.count());
-    curves_ = Buffer(bricks * curve_bytes(field_));
+    auto const bins = static_cast<std::size_t>(window_.bins.count());
+    auto const bricks = static_cast<std::size_t>(window_.field.grid.count());
+    curves_ = Buffer(bricks * curve_bytes(window_.field));
     std::byte* const to = curves_.write(Space::host);
     for (std::size_t b = 0; b < bricks; ++b) {
-        std::uint64_t* const counts = counts_.data() + b * bins_.slots();
-        counts[0] += counts[bins_.under()];
-        counts[bins - 1] += counts[bins_.over()];
+        std::uint64_t* const counts = counts_.data() + b * window_.bins.slots();
+        counts[0] += counts[window_.bins.under()];
+        counts[bins - 1] += counts[window_.bins.over()];
         std::vector<double> const curve = clipped_curve({counts, bins}, rule_, clip());
         for (std::size_t i = 0; i <= bins; ++i) {
-            if (field_.wide)
+            if (window_.field.wide)
                 reinterpret_cast<double*>(to)[b * (bins + 1) + i] = curve[i];
             else
                 reinterpret_cast<float*>(to)[b * (bins + 1) + i] = static_cast<float>(curve[i]);
@@ -240,16 +250,18 @@ void Clahe::make_curves() {
 }
 
 void Clahe::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = copies_ ? Box{} : intersect(out.box, field_.grid.box);
+    Box const inside = window_.copies ? Box{} : intersect(out.box, window_.field.grid.box);
     if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
-    if (!inside.empty()) clahe_map(inputs[0].part(inside), out.part(inside), field_, curves_, losses_, execution);
+    if (!inside.empty())
+        clahe_map(inputs[0].part(inside), out.part(inside), window_.field, curves_, losses_, execution);
 }
 
 std::vector<Remark> Clahe::remarks() const {
-    std::int64_t const voxels = field_.grid.box.voxels();
-    if (copies_) return {{"the window is a single value: nothing was changed", false}};
+    std::int64_t const voxels = window_.field.grid.box.voxels();
+    if (window_.copies) return {{"the window is a single value: nothing was changed", false}};
     if (losses_.clipped == 0) return {};
-    double const a = input_.values.physical(bins_.edge(0)), b = input_.values.physical(bins_.edge(bin_count_));
+    double const a = input_.values.physical(window_.bins.edge(0)),
+                 b = input_.values.physical(window_.bins.edge(bin_count_));
     return {
         {text(share_text(losses_.clipped, voxels), " clipped to [", std::min(a, b), ",", std::max(a, b), "]"), true}};
 }

@@ -52,8 +52,9 @@ public:
     void parameters(Parameters& parameters) override;
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
-    Box scanned(Box const&) const override { return field_.grid.box; }
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
+    Box scanned(Box const&) const override { return window_.field.grid.box; }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
@@ -66,8 +67,16 @@ public:
     std::optional<WrongVoxel> wrong_voxel(ConstView input, ConstView output) const override;
 
 private:
+    /// What voxels are mapped by but the curves.
+    struct Window {
+        ClaheField field;
+        Bins bins;
+        bool copies = false; ///< it is a single value: nothing changes
+    };
     double clip() const;
-    void set_window(StoredValue low, StoredValue high);
+    /// Without its ends, unless these are known before.
+    Window window_for(Header const& in, RangeScan const& ends) const;
+    void set_ends(Window& window, DataType type, StoredValue low, StoredValue high) const;
     void make_curves();
 
     std::optional<double> clip_;
@@ -80,9 +89,8 @@ private:
     Header input_;
     ErrorBound error_; ///< as planned
     std::optional<RangeScan> ends_;
-    bool ends_known_ = false, scans_again_ = false, copies_ = false;
-    Bins bins_;
-    ClaheField field_;
+    bool ends_known_ = false, scans_again_ = false;
+    Window window_;
     std::vector<std::uint64_t> counts_;
     Buffer curves_;
     Losses losses_;

@@ -96,7 +96,7 @@ std::optional<WrongVoxel> Clahe::wrong_voxel(ConstView input, ConstView output) 
     // Ends that are no voxels may be rounded, and then it is not certain on which side of an edge a voxel lies.
     if (range_.low.percentile != range_.high.percentile || !range_.depends() || range_.percentiles())
         return std::nullopt;
-    Box const box = field_.grid.box;
+    Box const box = window_.field.grid.box;
     Index3 const n = box.dims(), whole = input.box.dims();
     std::vector<Real> const in = values_of(input), out = values_of(output);
     auto const for_each = [&](auto const& look) {

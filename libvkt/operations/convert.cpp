@@ -69,24 +69,24 @@ void Convert::check() const {
         throw Error(ErrorKind::usage, "--to takes two numbers, as in 0:255");
 }
 
-Plan Convert::plan(std::span<Header const> inputs) {
-    input_ = inputs.front();
-    type_ = dtype && !dtype->smallest ? dtype->type : input_.dtype;
-    values_ = input_.values;
-    counts_ = {};
-    scan_.reset();
-    scans_again_ = false;
-    storage_.reset();
-    maps_ = range.has_value();
-    if (smallest()) return plan_smallest();
+double Convert::first_of(DataType type) const {
+    return to ? to->low.value.value : is_integer(type) ? lowest_of(type) : 0;
+}
+double Convert::last_of(DataType type) const {
+    return to ? to->high.value.value : is_integer(type) ? highest_of(type) : 1;
+}
+
+Plan Convert::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    if (smallest()) return plan_smallest(in);
+    DataType const type = type_for(in);
     Plan plan;
-    plan.output = input_;
-    plan.output.dtype = type_;
-    copies_ = !range && type_ == input_.dtype;
-    plan.passing = ErrorPassing::computed(1, values_of(input_));
+    plan.output = in;
+    plan.output.dtype = type;
+    plan.passing = ErrorPassing::computed(1, values_of(in));
     plan.passing.storing = range ? ErrorPassing::Storing::computes : ErrorPassing::Storing::converts;
-    plan.passing.clips = is_integer(type_);
-    if (copies_) {
+    plan.passing.clips = is_integer(type);
+    if (copies(in)) {
         plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
@@ -95,67 +95,81 @@ Plan Convert::plan(std::span<Header const> inputs) {
     }
     plan.method = range ? "linear map, rounded half to even, saturated" : "rounded half to even, saturated";
     if (!range) return plan;
-    to_low_ = to ? to->low.value.value : is_integer(type_) ? lowest_of(type_) : 0;
-    to_high_ = to ? to->high.value.value : is_integer(type_) ? highest_of(type_) : 1;
-    if (to_low_ < lowest_of(type_) || to_high_ > highest_of(type_))
-        throw Error(ErrorKind::usage, text("--to ", to_low_, ":", to_high_, " does not fit into ", type_));
+    double const first = first_of(type), last = last_of(type);
+    if (first < lowest_of(type) || last > highest_of(type))
+        throw Error(ErrorKind::usage, text("--to ", first, ":", last, " does not fit into ", type));
     plan.error.kind = ErrorBound::Kind::bound;
     // Of the range that is mapped, which percentiles do not make wider than the data's.
-    double const share =
-        0x1p-53 * (5 + std::max(std::abs(to_low_), std::abs(to_high_)) / (to_high_ / 2 - to_low_ / 2) / 2);
-    bool const known = !range->depends();
-    scan_.emplace(*range, input_);
-    double const stores = storing_error(type_), largest = std::max(std::abs(to_low_), std::abs(to_high_));
-    double const width = to_high_ - to_low_; // of stored values that the range becomes
+    double const largest = std::max(std::abs(first), std::abs(last));
+    double const share = 0x1p-53 * (5 + largest / (last / 2 - first / 2) / 2);
+    RangeScan const scan(*range, in);
+    double const stores = storing_error(type);
+    double const width = last - first; // of stored values that the range becomes
     double const stored_share = std::isfinite(largest / width) ? stores * largest / width : 1;
     // The maps of both sides round as well: a few units in the last place of what their terms reach.
     plan.error.magnitude = 4 * 0x1p-53;
-    plan.error.absolute = 8 * 0x1p-53 * std::abs(input_.values.intercept);
-    if (known) {
+    plan.error.absolute = 8 * 0x1p-53 * std::abs(in.values.intercept);
+    if (!range->depends()) {
         double const low = range->low.value.value, high = range->high.value.value;
         plan.error.absolute +=
             (share + stored_share) * (high - low) + 8 * 0x1p-53 * std::max(std::abs(low), std::abs(high));
-    } else {
-        plan.error.range = share + stored_share;
-    }
-    if (known) {
-        set_map(scan_->low(), scan_->high());
-        plan.output.values = values_;
+        plan.output.values = map_for(in, scan.low(), scan.high()).values;
         return plan;
     }
+    plan.error.range = share + stored_share;
     plan.scans = true;
-    plan.method = scan_->has_percentiles() ? "percentiles first, then linear map" : "extremes first, then linear map";
-    plan.state_bytes = scan_->state_bytes();
+    plan.method = scan.has_percentiles() ? "percentiles first, then linear map" : "extremes first, then linear map";
+    plan.state_bytes = scan.state_bytes();
     return plan;
 }
 
 /// The result is as large as the input at most.
-Plan Convert::plan_smallest() {
-    fit_ = {};
-    copies_ = false;
+Plan Convert::plan_smallest(Header const& in) const {
     Plan plan;
-    plan.output = input_;
+    plan.output = in;
     plan.scans = true;
     plan.method = text("smallest type within ", tolerance.value_or(0), ", chosen after a look at all voxels");
     plan.cost = 4;
     plan.error.kind = ErrorBound::Kind::bound;
     plan.error.absolute = tolerance.value_or(0);
-    plan.passing = ErrorPassing::computed(1, values_of(input_));
+    plan.passing = ErrorPassing::computed(1, values_of(in));
     plan.passing.own = tolerance.value_or(0);
-    if (input_.kind == Kind::hierarchical) // holes are converted as well
-        if (auto const background = input_.attributes.find("background");
-            background != input_.attributes.end() && is_number(background->second)) {
-            double const held = input_.values.stored(parse_double(background->second));
-            Header one;
-            one.dims = {1, 1, 1};
-            one.dtype = DataType::float64;
-            find_fit(dense_view(reinterpret_cast<std::byte const*>(&held), one.dtype, box_of(one.dims)), fit_, {});
-        }
     return plan;
 }
 
+/// Holes of trees are converted as well.
+TypeFit Convert::fit_of_background(Header const& in) const {
+    TypeFit fit;
+    auto const background = in.attributes.find("background");
+    if (in.kind != Kind::hierarchical || background == in.attributes.end() || !is_number(background->second))
+        return fit;
+    double const held = in.values.stored(parse_double(background->second));
+    Header one;
+    one.dims = {1, 1, 1};
+    one.dtype = DataType::float64;
+    find_fit(dense_view(reinterpret_cast<std::byte const*>(&held), one.dtype, box_of(one.dims)), fit, {});
+    return fit;
+}
+
+void Convert::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs.front();
+    type_ = type_for(input_);
+    map_ = {};
+    map_.values = input_.values;
+    counts_ = {};
+    scan_.reset();
+    scans_again_ = false;
+    storage_.reset();
+    maps_ = range.has_value();
+    copies_ = copies(input_);
+    fit_ = smallest() ? fit_of_background(input_) : TypeFit{};
+    if (!range) return;
+    scan_.emplace(*range, input_);
+    if (!range->depends()) map_ = map_for(input_, scan_->low(), scan_->high());
+}
+
 void Convert::after_scan(Plan& plan) const {
-    plan.output.values = values_;
+    plan.output.values = map_.values;
     if (!storage_) return;
     plan.output.dtype = type_;
     plan.passing.own = storage_->error;
@@ -176,16 +190,16 @@ void Convert::scan_end() {
     if (smallest()) {
         storage_ = smallest_storage(fit_, input_, tolerance.value_or(0));
         type_ = storage_->type;
-        values_ = storage_->values;
         copies_ = type_ == input_.dtype;
         maps_ = storage_->maps;
-        low_ = storage_->low;
-        high_ = storage_->high;
-        to_low_ = 0;
-        to_high_ = storage_->codes;
-        double const width = high_ - low_;
-        scale_ = 1;
-        factor_ = width > 0 ? to_high_ / width : 0;
+        map_.values = storage_->values;
+        map_.low = storage_->low;
+        map_.high = storage_->high;
+        map_.to_low = 0;
+        map_.to_high = storage_->codes;
+        double const width = map_.high - map_.low;
+        map_.scale = 1;
+        map_.factor = width > 0 ? map_.to_high / width : 0;
         return;
     }
     scans_again_ = scan_->end_pass();
@@ -201,23 +215,29 @@ void Convert::scan_end() {
     if (!(input_.values.slope > 0 ? high - low > 0 : high - low < 0))
         throw Error(ErrorKind::data, text("the range to map is empty: it reaches from ", first, " to ", last),
                     "give numbers: --range LO:HI");
-    set_map(low, high);
+    map_ = map_for(input_, low, high);
 }
 
-/// Fixes the map from a range of stored input values to stored output values, and the value map after it.
-void Convert::set_map(StoredValue low, StoredValue high) {
-    low_ = low;
-    high_ = high;
-    scale_ = std::isfinite(high - low) ? 1 : 0.25;
-    double const extent =
-        scale_ == 1 ? high - low : high.value() * scale_ - low.value() * scale_; // only floats are so far apart
-    factor_ = (to_high_ - to_low_) / extent;
-    values_.slope = input_.values.slope / (factor_ * scale_);
-    values_.intercept = input_.values.physical(low_.value()) - to_low_ * values_.slope;
-    if (!std::isfinite(values_.slope) || values_.slope == 0 || !std::isfinite(values_.intercept))
+/// The map from a range of stored input values to stored output values, and the value map after it.
+Convert::Map Convert::map_for(Header const& in, StoredValue low, StoredValue high) const {
+    DataType const type = type_for(in);
+    Map map;
+    map.low = low;
+    map.high = high;
+    map.to_low = first_of(type);
+    map.to_high = last_of(type);
+    map.scale = std::isfinite(high - low) ? 1 : 0.25;
+    double const extent = map.scale == 1
+                              ? high - low
+                              : high.value() * map.scale - low.value() * map.scale; // only floats are so far apart
+    map.factor = (map.to_high - map.to_low) / extent;
+    map.values.slope = in.values.slope / (map.factor * map.scale);
+    map.values.intercept = in.values.physical(low.value()) - map.to_low * map.values.slope;
+    if (!std::isfinite(map.values.slope) || map.values.slope == 0 || !std::isfinite(map.values.intercept))
         throw Error(ErrorKind::usage,
-                    text("--range: ", input_.values.physical(low_.value()), ":", input_.values.physical(high_.value()),
+                    text("--range: ", in.values.physical(low.value()), ":", in.values.physical(high.value()),
                          " is too narrow or too wide to be mapped"));
+    return map;
 }
 
 void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
@@ -225,8 +245,9 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
     if (copies_) return copy_region(in, out, execution);
     Losses losses;
     if (maps_) {
-        double const low = low_.rest, high = high_.rest + static_cast<double>(high_.whole - low_.whole);
-        LinearMap const map{low_.whole, low, scale_, factor_, to_low_, std::min(low, high), std::max(low, high)};
+        double const low = map_.low.rest, high = map_.high.rest + static_cast<double>(map_.high.whole - map_.low.whole);
+        LinearMap const map{map_.low.whole,     low, map_.scale, map_.factor, map_.to_low, std::min(low, high),
+                            std::max(low, high)};
         convert_range(in, out, map, losses, execution);
     } else
         convert_values(in, out, losses, execution);
@@ -242,7 +263,8 @@ std::string Convert::storage_text() const {
                 : text(storage_->error > 0 ? text(": within ", storage_->error) : ": exactly", ", ", bytes(type_),
                        bytes(type_) == 1 ? " byte" : " bytes", " a voxel instead of ", bytes(input_.dtype));
     return text(copies_ ? "stays " : "stored as ", type_,
-                maps_ ? text(", slope ", values_.slope, ", intercept ", values_.intercept) : std::string(), room);
+                maps_ ? text(", slope ", map_.values.slope, ", intercept ", map_.values.intercept) : std::string(),
+                room);
 }
 
 std::vector<Remark> Convert::remarks() const {
@@ -251,7 +273,7 @@ std::vector<Remark> Convert::remarks() const {
     if (storage_) result.push_back({storage_text(), false});
     if (range && counts_.clipped > 0)
         result.front().message =
-            text(share_text(counts_.clipped, voxels), " clipped to [", to_low_, ",", to_high_, "]");
+            text(share_text(counts_.clipped, voxels), " clipped to [", map_.to_low, ",", map_.to_high, "]");
     return result;
 }
 

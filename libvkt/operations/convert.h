@@ -53,7 +53,8 @@ public:
     void parameters(Parameters& p) override;
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
@@ -67,18 +68,29 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    /// From stored values of the input to those of the output.
+    struct Map {
+        StoredValue low, high;          ///< stored input range, low where to_low comes from
+        double to_low = 0, to_high = 1; ///< what it becomes
+        double scale = 1, factor = 1;   ///< see LinearMap
+        ValueMap values;                ///< of the output
+    };
     bool smallest() const { return dtype && dtype->smallest; }
-    Plan plan_smallest();
+    /// Of the result; with the smallest one the largest that it may be.
+    DataType type_for(Header const& in) const { return dtype && !dtype->smallest ? dtype->type : in.dtype; }
+    bool copies(Header const& in) const { return !smallest() && !range && type_for(in) == in.dtype; }
+    /// The stored values that a range becomes.
+    double first_of(DataType type) const;
+    double last_of(DataType type) const;
+    Map map_for(Header const& in, StoredValue low, StoredValue high) const;
+    TypeFit fit_of_background(Header const& in) const;
+    Plan plan_smallest(Header const& in) const;
     std::string storage_text() const;
-    void set_map(StoredValue low, StoredValue high);
 
     Header input_;
     DataType type_ = DataType::uint8;
-    ValueMap values_;
-    StoredValue low_, high_; ///< stored input range, low_ where to_low_ comes from
+    Map map_;
     bool scans_again_ = false;
-    double to_low_ = 0, to_high_ = 1;
-    double scale_ = 1, factor_ = 1; ///< see LinearMap
     std::optional<RangeScan> scan_;
     TypeFit fit_;                    ///< for the smallest type
     std::optional<Storage> storage_; ///< once it is known

@@ -56,7 +56,7 @@ void Crop::check() const {
 }
 
 /// The region in voxels, or in finest cells.
-SteppedBox Crop::wanted(Header const& in) {
+SteppedBox Crop::wanted(Header const& in) const {
     if (!like_.file.empty()) {
         Header const& like = like_.header();
         Box const box = voxels_between_faces(in.geometry, in.dims, geometry_beside(in, like), like.dims);
@@ -70,33 +70,35 @@ SteppedBox Crop::wanted(Header const& in) {
     return region_.resolve_steps(in.dims);
 }
 
-Plan Crop::plan(std::span<Header const> inputs) {
+Plan Crop::plan(std::span<Header const> inputs) const {
     Header const& in = inputs[0];
-    box_ = wanted(in);
+    SteppedBox const box = wanted(in);
     Plan plan;
     plan.output = in;
     plan.method = "copy";
     plan.passing = ErrorPassing::moved(in.error.values);
     plan.cost = 0;
     if (in.kind == Kind::hierarchical) { // bricks are kept whole, the grid stays
-        plan.output.attributes["roi"] = to_text(box_.box);
+        plan.output.attributes["roi"] = to_text(box.box);
         return plan;
     }
-    plan.output.dims = box_.dims();
-    plan.output.geometry = box_.geometry(in.geometry);
-    if (!box_.dense()) {
+    plan.output.dims = box.dims();
+    plan.output.geometry = box.geometry(in.geometry);
+    if (!box.dense()) {
         plan.output.part.reset(); // of another lattice
         plan.method = "copy of every n-th voxel";
         return plan;
     }
     // Still the same place in the whole; what a halo was is not known after the cut.
     if (auto& part = plan.output.part) {
-        part->offset = part->offset + box_.box.lower;
-        if (!(box_.box == box_of(in.dims))) part->halo = {};
+        part->offset = part->offset + box.box.lower;
+        if (!(box.box == box_of(in.dims))) part->halo = {};
     }
-    plan.shift = box_.box.lower;
+    plan.shift = box.box.lower;
     return plan;
 }
+
+void Crop::begin(std::span<Header const> inputs, Plan const&) { box_ = wanted(inputs[0]); }
 
 Box Crop::footprint(Box const& output, int) const { return box_.source(output); }
 

@@ -22,7 +22,8 @@ public:
     /// Throws Error{usage} unless exactly one region is given.
     void check() const override;
     /// Throws Error{usage} if the region is empty or does not lie in the volume.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     /// Keeps the bricks that any reconstruction inside the region needs.
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
@@ -33,7 +34,7 @@ public:
     ReferenceVolume* like() override { return &like_; }
 
 private:
-    SteppedBox wanted(Header const& in);
+    SteppedBox wanted(Header const& in) const;
 
     Roi region_;
     WorldRoi world_;

@@ -48,34 +48,40 @@ void Gradient::parameters(Parameters& parameters) {
     LinearFilter::parameters(parameters);
 }
 
-void Gradient::describe(Header const& in, Plan& plan) {
+LinearFilter::Weights Gradient::weights(Header const& in, Index3 /*cell_width*/) const {
+    Weights result;
+    SeparableSum& sum = result.sum;
     Vec3 const& h = in.geometry.spacing;
     AxisTaps const mean = across();
     // Index 0: the difference; 1: across.
-    sum_.x = {central_difference(h[0]), mean};
-    sum_.y = {central_difference(h[1]), mean};
-    sum_.z = {central_difference(h[2]), mean};
+    sum.x = {central_difference(h[0]), mean};
+    sum.y = {central_difference(h[1]), mean};
+    sum.z = {central_difference(h[2]), mean};
     std::array<SeparableSum::Plane, 3> const planes{{{0, 1}, {1, 0}, {1, 1}}};
     for (int axis = 0; axis < 3; ++axis) {
         bool const wanted = component_ == Component::magnitude || static_cast<int>(component_) == axis + 1;
         if (!wanted) continue;
-        sum_.terms.push_back(
-            {static_cast<int>(sum_.planes.size()), axis == 2 ? 0 : 1, static_cast<int>(sum_.terms.size())});
-        sum_.planes.push_back(planes[static_cast<std::size_t>(axis)]);
+        sum.terms.push_back(
+            {static_cast<int>(sum.planes.size()), axis == 2 ? 0 : 1, static_cast<int>(sum.terms.size())});
+        sum.planes.push_back(planes[static_cast<std::size_t>(axis)]);
     }
-    sum_.parts = static_cast<int>(sum_.terms.size());
-    plan.method = text(label(), component_ == Component::magnitude ? ", length" : ", along ",
-                       component_ == Component::magnitude ? "" : enum_name(component_));
+    sum.parts = static_cast<int>(sum.terms.size());
+    result.method = text(label(), component_ == Component::magnitude ? ", length" : ", along ",
+                         component_ == Component::magnitude ? "" : enum_name(component_));
+    return result;
 }
 
-void Laplacian::describe(Header const& in, Plan& plan) {
+LinearFilter::Weights Laplacian::weights(Header const& in, Index3 /*cell_width*/) const {
+    Weights result;
+    SeparableSum& sum = result.sum;
     Vec3 const& h = in.geometry.spacing;
-    sum_.x = {second_difference(h[0]), AxisTaps{}};
-    sum_.y = {second_difference(h[1]), AxisTaps{}};
-    sum_.z = {second_difference(h[2]), AxisTaps{}};
-    sum_.planes = {{0, 1}, {1, 0}, {1, 1}};
-    sum_.terms = {{0, 1, 0}, {1, 1, 0}, {2, 0, 0}};
-    plan.method = "second differences";
+    sum.x = {second_difference(h[0]), AxisTaps{}};
+    sum.y = {second_difference(h[1]), AxisTaps{}};
+    sum.z = {second_difference(h[2]), AxisTaps{}};
+    sum.planes = {{0, 1}, {1, 0}, {1, 1}};
+    sum.terms = {{0, 1, 0}, {1, 1, 0}, {2, 0, 0}};
+    result.method = "second differences";
+    return result;
 }
 
 } // namespace vkt

@@ -25,7 +25,7 @@ protected:
     /// Taps across the direction of the difference.
     virtual AxisTaps across() const { return {}; }
     virtual std::string label() const { return "central differences"; }
-    void describe(Header const& in, Plan& plan) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
 
 private:
     Component component_ = Component::magnitude;
@@ -49,7 +49,7 @@ public:
     Texts texts() const override;
 
 protected:
-    void describe(Header const& in, Plan& plan) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
 };
 
 } // namespace vkt

@@ -82,7 +82,7 @@ void Diff::check() const {
         throw Error(ErrorKind::usage, text("--bins ", *bins, " is not between 2 and 1024"));
 }
 
-Plan Diff::plan(std::span<Header const> inputs) {
+Plan Diff::plan(std::span<Header const> inputs) const {
     require_same_kind(inputs.front(), inputs.back());
     if (inputs.front().kind == Kind::hierarchical && (ssim || information))
         throw Error(ErrorKind::usage,

@@ -25,7 +25,7 @@ public:
     int inputs() const override { return 2; }
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
     bool runs_on_gpu() const override { return !ssim && !information; }

@@ -62,57 +62,69 @@ void Distance::parameters(Parameters& parameters) {
     parameters.option("roi", roi, "REGION", "measure only within this region, as if there were no other voxels");
 }
 
-Plan Distance::plan(std::span<Header const> inputs) {
-    input_ = inputs[0];
-    nan_ = 0;
-    none_ = false;
-    zero_ = stored_zero(input_);
+Distance::Steps Distance::steps_in(Header const& in) const {
+    Vec3 const spacing = spacing_in(in);
+    Steps steps;
+    if (auto const whole = whole_spacing(spacing, roi.resolve(in.dims).dims())) {
+        steps.unit = whole->unit;
+        for (std::size_t a = 0; a < 3; ++a) steps.weights[a] = static_cast<double>(whole->steps[a] * whole->steps[a]);
+        return steps;
+    }
+    steps.whole = false;
+    // Relative to the largest, so that squares neither overflow nor vanish.
+    steps.unit = std::max({spacing.x, spacing.y, spacing.z});
+    for (int a = 0; a < 3; ++a) steps.weights[static_cast<std::size_t>(a)] = std::pow(spacing[a] / steps.unit, 2);
+    return steps;
+}
+
+Plan Distance::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
     Plan plan;
-    plan.output = input_;
+    plan.output = in;
     plan.output.dtype = DataType::float32;
     plan.output.values = {};
     plan.output.units.clear();
     plan.output.attributes.erase("background");
     plan.whole = true;
     plan.cost = 300;
-    if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
-    region_ = roi.resolve(input_.dims);
-    Index3 const dims = region_.dims();
+    if (in.kind == Kind::hierarchical) return plan; // refused by the engine
+    Index3 const dims = roi.resolve(in.dims).dims();
     bool const world = unit == LengthUnit::world;
-    auto const& direction = input_.geometry.direction;
+    auto const& direction = in.geometry.direction;
     for (int a = 0; a < 3 && world; ++a)
         if (std::abs(dot(direction[static_cast<std::size_t>(a)], direction[static_cast<std::size_t>((a + 1) % 3)])) >
             1e-6)
             throw Error(ErrorKind::usage, "distances in the world need axes that are perpendicular",
                         "measure with --unit voxel, or resample the volume first: vkt resample --like");
-    Vec3 const spacing = world ? input_.geometry.spacing : Vec3{1, 1, 1};
+    Vec3 const spacing = spacing_in(in);
+    Steps const steps = steps_in(in);
     Vec3 size;
-    if (auto const whole = whole_spacing(spacing, dims)) {
-        whole_ = true;
-        unit_length_ = whole->unit;
-        for (std::size_t a = 0; a < 3; ++a) weights_[a] = static_cast<double>(whole->steps[a] * whole->steps[a]);
-    } else {
-        whole_ = false;
-        // Relative to the first, so that squares neither overflow nor vanish.
-        unit_length_ = std::max({spacing.x, spacing.y, spacing.z});
-        for (int a = 0; a < 3; ++a) weights_[static_cast<std::size_t>(a)] = std::pow(spacing[a] / unit_length_, 2);
-    }
     for (int a = 0; a < 3; ++a) size[a] = spacing[a] * static_cast<double>(dims[a] - 1);
-    plan.method = text("outward search to 20 voxels, then envelopes; squares ", whole_ ? "exact" : "in float64");
-    if (!whole_ || unit_length_ != 1) {
+    plan.method = text("outward search to 20 voxels, then envelopes; squares ", steps.whole ? "exact" : "in float64");
+    if (!steps.whole || steps.unit != 1) {
         plan.error.kind = ErrorBound::Kind::bound;
-        plan.error.absolute = std::sqrt(dot(size, size)) * (whole_ ? 0x1.0001p-24 : 0x1p-23);
+        plan.error.absolute = std::sqrt(dot(size, size)) * (steps.whole ? 0x1.0001p-24 : 0x1p-23);
     }
     plan.passing = ErrorPassing::jumps(ValueInterval{0, std::sqrt(dot(size, size))});
     plan.passing.storing = ErrorPassing::Storing::computes;
     std::int64_t const longest = std::max(dims.y, dims.z);
-    plan.state_bytes = static_cast<std::size_t>(longest + 40) * 16 * (whole_ ? 4 : 8) * 4 + 65536;
+    plan.state_bytes = static_cast<std::size_t>(longest + 40) * 16 * (steps.whole ? 4 : 8) * 4 + 65536;
     return plan;
+}
+
+void Distance::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs[0];
+    nan_ = 0;
+    none_ = false;
+    zero_ = stored_zero(input_);
+    if (input_.kind == Kind::hierarchical) return;
+    region_ = roi.resolve(input_.dims);
+    steps_ = steps_in(input_);
 }
 
 bool Distance::runs_on_gpu() const {
     Index3 const n = region_.dims();
-    return n.x <= 500000 && std::max(n.y, n.z) <= (whole_ ? 36000 : 22000);
+    return n.x <= 500000 && std::max(n.y, n.z) <= (steps_.whole ? 36000 : 22000);
 }
 
 Box Distance::footprint(Box const&, int) const { return region_; }
@@ -122,22 +134,22 @@ void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution c
     AnyView const out = whole.part(region_).moved_to({});
     DistanceRows rows;
     rows.zero = zero_;
-    rows.whole = whole_;
+    rows.whole = steps_.whole;
     rows.both_sides = both;
-    rows.weight = weights_[0];
+    rows.weight = steps_.weights[0];
     distance_rows(inputs[0].part(region_).moved_to({}), out, rows, execution);
     nan_ = rows.nan;
     none_ = rows.objects == out.box.voxels() || (both && rows.objects == 0);
     DistancePass pass;
-    pass.whole = whole_;
+    pass.whole = steps_.whole;
     pass.both_sides = both;
-    pass.weight = weights_[1];
-    pass.weight_before = whole_ ? 0 : weights_[0];
+    pass.weight = steps_.weights[1];
+    pass.weight_before = steps_.whole ? 0 : steps_.weights[0];
     distance_pass(out, pass, execution);
     pass.axis = Axis::z;
-    pass.weight = weights_[2];
+    pass.weight = steps_.weights[2];
     pass.weight_before = 0;
-    pass.unit = unit_length_;
+    pass.unit = steps_.unit;
     distance_pass(out, pass, execution);
 }
 

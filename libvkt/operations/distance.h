@@ -26,7 +26,8 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} in world units if the axes are not perpendicular.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     /// Lines of up to 22000 voxels, whose tables fit into the memory that threads of a GPU share.
@@ -34,12 +35,19 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    struct Steps {
+        bool whole = true;               ///< squares are whole numbers of the unit squared, see DistancePass
+        std::array<double, 3> weights{}; ///< of a squared step along each axis
+        double unit = 1;
+    };
+    /// Sizes of voxels in the unit of the distances.
+    Vec3 spacing_in(Header const& in) const { return unit == LengthUnit::world ? in.geometry.spacing : Vec3{1, 1, 1}; }
+    Steps steps_in(Header const& in) const;
+
     Header input_;
     Box region_;
     std::optional<double> zero_;
-    bool whole_ = true;               ///< squares are whole numbers of unit_length_ squared, see DistancePass
-    std::array<double, 3> weights_{}; ///< of a squared step along each axis
-    double unit_length_ = 1;
+    Steps steps_;
     std::int64_t nan_ = 0;
     bool none_ = false; ///< nothing to measure to
 };

@@ -100,7 +100,7 @@ Box Dump::region(Index3 dims) const {
     return box;
 }
 
-Plan Dump::plan(std::span<Header const> inputs) {
+Plan Dump::plan(std::span<Header const> inputs) const {
     if (inputs.front().kind != Kind::structured)
         throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
     static_cast<void>(region(inputs.front().dims));

@@ -24,7 +24,7 @@ public:
     void check() const override;
     /// Text is all there is.
     bool prints(ReportForm form) const override { return form == ReportForm::text; }
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
 

@@ -44,23 +44,33 @@ void FillRange::check() const {
         throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
 }
 
-Plan Fill::plan(std::span<Header const> inputs) {
+Number Fill::stored_in(Header const& in) const {
+    Number const value = value_in(in);
+    return in.values == ValueMap{} ? value : Number(in.values.stored(value.value));
+}
+
+Plan Fill::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
+    static_cast<void>(region_in(in.dims)); // or it is refused
+    Number const stored = stored_in(in);
     Plan plan;
-    plan.output = inputs[0];
-    if (first_) region_ = roi_of(*first_, *last_);
-    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
-    finest_ = box_;
-    filled_ = 0;
-    whole_ = region_.empty();
-    stored_ = inputs[0].values == ValueMap{} ? value_ : Number(inputs[0].values.stored(value_.value));
-    type_ = inputs[0].dtype;
+    plan.output = in;
     plan.method = "constant";
-    auto values = values_of(inputs[0]);
-    if (values) values = values->with(inputs[0].values.physical(stored_.value));
+    auto values = values_of(in);
+    if (values) values = values->with(in.values.physical(stored.value));
     plan.passing = ErrorPassing::moved(values);
-    plan.passing.more = std::abs(inputs[0].values.slope) * storing_loss(type_, stored_);
+    plan.passing.more = std::abs(in.values.slope) * storing_loss(in.dtype, stored);
     plan.cost = 0;
     return plan;
+}
+
+void Fill::begin(std::span<Header const> inputs, Plan const&) {
+    Header const& in = inputs[0];
+    box_ = finest_ = region_in(in.dims);
+    filled_ = 0;
+    physical_ = value_in(in);
+    stored_ = stored_in(in);
+    type_ = in.dtype;
 }
 
 void Fill::enter_level(Index3 cell_width, Index3 first) {
@@ -68,14 +78,14 @@ void Fill::enter_level(Index3 cell_width, Index3 first) {
 }
 
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = whole_ ? out.box : intersect(out.box, box_);
+    Box const inside = uses_position() ? intersect(out.box, box_) : out.box;
     for_each_beside(out.box, inside,
                     [&](Box const& box) { copy_region(inputs[0].part(box), out.part(box), execution); });
     filled_ += inside.voxels();
     if (!inside.empty()) fill_box(out.part(inside), voxel_bytes(type_, stored_), execution);
 }
 
-std::vector<Remark> Fill::remarks() const { return value_remarks(value_, stored_, type_, filled_); }
+std::vector<Remark> Fill::remarks() const { return value_remarks(physical_, stored_, type_, filled_); }
 
 Delete::Delete(Roi region, std::optional<Number> background) : Fill({}, std::move(region)), background_(background) {}
 
@@ -95,11 +105,9 @@ void Delete::parameters(Parameters& parameters) {
     parameters.option("value", background_, "VALUE", "physical value that they get (the volume's background, or 0)");
 }
 
-Plan Delete::plan(std::span<Header const> inputs) {
-    auto const& attributes = inputs[0].attributes;
-    auto const own = attributes.find("background");
-    value_ = background_ ? *background_ : own != attributes.end() ? Number::parse(own->second) : Number(0);
-    return Fill::plan(inputs);
+Number Delete::value_in(Header const& in) const {
+    auto const own = in.attributes.find("background");
+    return background_ ? *background_ : own != in.attributes.end() ? Number::parse(own->second) : Number(0);
 }
 
 Texts FillRange::texts() const {

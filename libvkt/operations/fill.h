@@ -20,7 +20,8 @@ public:
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the region does not lie in the volume.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     /// Throws Error{usage} if the region is given twice or by half.
     void check() const override;
     /// In hierarchical volumes cells with centres in the region are filled.
@@ -32,16 +33,23 @@ public:
     std::vector<Remark> remarks() const override;
 
 protected:
+    /// What it is filled with, a physical value.
+    virtual Number value_in(Header const& /*in*/) const { return value_; }
+
     Roi region_;
     std::optional<Index3> first_, last_; ///< volkit's way to name the region
-    Number value_;
 
 private:
+    Roi region() const { return first_ ? roi_of(*first_, *last_) : region_; }
+    Box region_in(Index3 dims) const { return uses_position() ? region().resolve(dims) : box_of(dims); }
+    Number stored_in(Header const& in) const;
+
+    Number value_;
     Box box_;                 ///< the region in voxels, or in cells of the level
     Box finest_;              ///< the region as given
     std::int64_t filled_ = 0; ///< voxels, or cells
-    bool whole_ = true;       ///< no region: everything is filled
-    Number stored_;           ///< the value before rounding
+    Number physical_;         ///< the value that was meant
+    Number stored_;           ///< … before rounding
     DataType type_ = DataType::uint8;
 };
 
@@ -62,7 +70,9 @@ public:
     std::string_view name() const override { return "delete"; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
-    Plan plan(std::span<Header const> inputs) override;
+
+protected:
+    Number value_in(Header const& in) const override;
 
 private:
     std::optional<Number> background_;

@@ -38,7 +38,22 @@ void FillHoles::check() const {
     if (max_size && *max_size < 1) throw Error(ErrorKind::usage, text("--max-size: ", *max_size, " is less than 1"));
 }
 
-Plan FillHoles::plan(std::span<Header const> inputs) {
+Plan FillHoles::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
+    Plan plan;
+    plan.output = in;
+    plan.scans = true;
+    plan.passing = ErrorPassing::jumps();
+    if (!is_integer(in.dtype)) plan.passing = {};
+    if (value) plan.passing = {};
+    plan.method = text("runs and union-find, holes ", connectivity, "-connected");
+    plan.cost = 60;
+    if (in.kind == Kind::hierarchical) return plan; // refused by the engine
+    plan.state_bytes = Components::table_bytes(in.dims);
+    return plan;
+}
+
+void FillHoles::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs[0];
     fillings_.clear();
     device_.reset();
@@ -47,15 +62,7 @@ Plan FillHoles::plan(std::span<Header const> inputs) {
     filled_ = 0;
     stored_.reset();
     fits_ = true;
-    Plan plan;
-    plan.output = input_;
-    plan.scans = true;
-    plan.passing = ErrorPassing::jumps();
-    if (!is_integer(input_.dtype)) plan.passing = {};
-    if (value) plan.passing = {};
-    plan.method = text("runs and union-find, holes ", connectivity, "-connected");
-    plan.cost = 60;
-    if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
+    if (input_.kind == Kind::hierarchical) return;
     Components::Rules rules;
     rules.connectivity = connectivity;
     rules.members = BitRule::hole;
@@ -67,8 +74,6 @@ Plan FillHoles::plan(std::span<Header const> inputs) {
         stored_ = voxel_bytes(input_.dtype, number);
         fits_ = fits(input_.dtype, number);
     }
-    plan.state_bytes = Components::table_bytes(input_.dims);
-    return plan;
 }
 
 Box FillHoles::footprint(Box const& output, int) const {

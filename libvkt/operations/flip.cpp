@@ -26,23 +26,30 @@ void Flip::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "mirror only the voxels of this region");
 }
 
-Plan Flip::plan(std::span<Header const> inputs) {
+Box Flip::region_in(Index3 dims) const {
+    Roi const region = this->region();
+    return region.empty() ? box_of(dims) : region.resolve(dims);
+}
+
+Plan Flip::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = inputs[0];
-    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
-    bool const whole = box_ == box_of(inputs[0].dims);
+    Box const box = region_in(inputs[0].dims);
+    bool const whole = box == box_of(inputs[0].dims);
     int const axis = static_cast<int>(axis_);
     if (whole) {
         plan.output.geometry = flipped(inputs[0].geometry, axis_, inputs[0].dims[axis]);
         if (auto& part = plan.output.part)
             part->offset[axis] = part->global_dims[axis] - part->offset[axis] - inputs[0].dims[axis];
     }
-    plan.access = axis_ == Axis::z && box_.dims().z > 1 ? Access::random : Access::forward;
+    plan.access = axis_ == Axis::z && box.dims().z > 1 ? Access::random : Access::forward;
     plan.method = "mirrored copy";
     plan.passing = ErrorPassing::moved(values_of(inputs[0]));
     plan.cost = 0;
     return plan;
 }
+
+void Flip::begin(std::span<Header const> inputs, Plan const&) { box_ = region_in(inputs[0].dims); }
 
 std::optional<BrickSequence> Flip::move_bricks(BrickSequence input, Execution const& execution) {
     if (!(box_ == box_of(input.header().dims)))
@@ -84,11 +91,6 @@ void FlipRange::parameters(Parameters& parameters) {
     parameters.option("axis", axis_, "AXIS", "axis to mirror: x, y or z");
     parameters.option("first", first_, "X Y Z", "first voxel of the region").needed();
     parameters.option("last", last_, "X Y Z", "the voxel just beyond the region").needed();
-}
-
-Plan FlipRange::plan(std::span<Header const> inputs) {
-    region_ = roi_of(first_, last_);
-    return Flip::plan(inputs);
 }
 
 void Flip::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

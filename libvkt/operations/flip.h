@@ -20,7 +20,8 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the region does not lie in the volume.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     /// Throws Error{usage} for a region: its mirror image would cut bricks.
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
@@ -28,11 +29,16 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
+    /// Empty: the whole volume.
+    virtual Roi region() const { return region_; }
+
     Axis axis_ = Axis::x;
-    Roi region_;
 
 private:
+    Box region_in(Index3 dims) const;
     Box mirrored(Box part) const;
+
+    Roi region_;
 
     Box box_; ///< the region in voxels
 };
@@ -42,7 +48,9 @@ class FlipRange : public Flip {
 public:
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
-    Plan plan(std::span<Header const> inputs) override;
+
+protected:
+    Roi region() const override { return roi_of(first_, last_); }
 
 private:
     Index3 first_, last_;

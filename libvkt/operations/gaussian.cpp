@@ -26,6 +26,11 @@ double default_tolerance(DataType type, double border) {
     return std::max(1e-12, 0.25 / (levels * wider));
 }
 
+/// Along which something is done, or 1.
+int axes_of(Vec3 const& sigma) {
+    return std::max(1, (sigma.x > 0 ? 1 : 0) + (sigma.y > 0 ? 1 : 0) + (sigma.z > 0 ? 1 : 0));
+}
+
 /// The sigma for which the sampled Gaussian has a variance, in voxels. Sampling takes from it where sigma is small.
 double sigma_of_variance(double variance) {
     if (variance >= 1) return std::sqrt(variance); // the sampled one's differs by less than 2e-7
@@ -101,7 +106,7 @@ std::optional<double> Gaussian::by_definition(ConstView input, Index3 voxel) con
     for (int axis = 0; axis < 3; ++axis) {
         auto& list = shares[static_cast<std::size_t>(axis)];
         std::int64_t const n = dims[axis], period = 2 * n;
-        auto const sigma = static_cast<long double>(planned_sigma_[axis]);
+        auto const sigma = static_cast<long double>(choice_.sigma[axis]);
         if (!(sigma > 0) || (n == 1 && boundary_.boundary != Boundary::border)) {
             list.push_back({voxel[axis], 1});
             continue;
@@ -134,7 +139,8 @@ std::optional<double> Gaussian::by_definition(ConstView input, Index3 voxel) con
                     weight * static_cast<long double>(values(lower.x + x.index, lower.y + y.index, lower.z + z.index));
                 inside += weight;
             }
-    if (boundary_.boundary == Boundary::border) sum += (1 - inside) * static_cast<long double>(passes_.border_value);
+    if (boundary_.boundary == Boundary::border)
+        sum += (1 - inside) * static_cast<long double>(choice_.passes.border_value);
     return static_cast<double>(sum);
 }
 
@@ -147,167 +153,192 @@ void Gaussian::check() const {
         throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }
 
-Plan Gaussian::plan(std::span<Header const> inputs) {
+Plan Gaussian::plan(std::span<Header const> inputs) const {
     check();
-    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
-    return plan_for(inputs[0], sigma_in_cells(sigma_, unit_, inputs[0], {1, 1, 1}));
+    static_cast<void>(region_in(inputs[0].dims)); // or it is refused
+    return plan_by(choose(inputs[0], sigma_in_cells(sigma_, unit_, inputs[0], {1, 1, 1})), inputs[0]);
 }
 
-Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
+Plan Gaussian::plan_level(Header const& level, Index3 cell_width) const {
     check();
     if (!region_.empty())
         throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
                     "crop the hierarchical volume first: vkt crop --roi");
-    box_ = box_of(level.dims);
-    return plan_for(level, sigma_in_cells(sigma_, unit_, level, cell_width));
+    return plan_by(choose(level, sigma_in_cells(sigma_, unit_, level, cell_width)), level);
 }
 
-Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
-    planned_sigma_ = sigma;
-    int active = 0;
-    for (int axis = 0; axis < 3; ++axis) active += sigma[axis] > 0 ? 1 : 0;
-    passes_ = {};
-    passes_.dims = in.dims;
-    passes_.boundary = boundary_.boundary;
+void Gaussian::begin(std::span<Header const> inputs, Plan const& plan) {
+    box_ = region_in(inputs[0].dims);
+    begin_by(choose(inputs[0], sigma_in_cells(sigma_, unit_, inputs[0], {1, 1, 1})), plan);
+}
+
+void Gaussian::begin_level(Header const& level, Index3 cell_width, Plan const& plan) {
+    box_ = box_of(level.dims);
+    begin_by(choose(level, sigma_in_cells(sigma_, unit_, level, cell_width)), plan);
+}
+
+void Gaussian::begin_by(Choice choice, Plan const& plan) {
+    choice_ = std::move(choice);
+    copies_ = choice_.direct == 0;
+    together_ = choice_.passes.run_height = std::max<std::int64_t>(4, plan.slab_hint);
+    planes_.forget();
+    nodes_.held = false;
     counts_ = {};
-    bool const constant = boundary_.boundary == Boundary::border;
-    double const border = passes_.border_value = constant ? in.values.stored(boundary_.value) : 0;
+    planned_ = plan.output;
+}
+
+Gaussian::Choice Gaussian::choose(Header const& in, Vec3 const& sigma) const {
+    Choice choice;
+    choice.sigma = sigma;
+    GaussianPasses& passes = choice.passes;
+    passes.dims = in.dims;
+    passes.boundary = boundary_.boundary;
+    double const border = passes.border_value =
+        boundary_.boundary == Boundary::border ? in.values.stored(boundary_.value) : 0;
     if (!std::isfinite(border))
         throw Error(ErrorKind::usage,
                     text("--boundary border:", boundary_.value, " is beyond float64 as it is stored"));
-    passes_.clips = border < lowest_of(in.dtype) || border > highest_of(in.dtype);
-    passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4) ||
-                   std::abs(border) > highest_of(DataType::float32);
-    double const tolerance = tolerance_ ? tolerance_->share() : default_tolerance(in.dtype, border);
+    passes.clips = border < lowest_of(in.dtype) || border > highest_of(in.dtype);
+    passes.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4) ||
+                  std::abs(border) > highest_of(DataType::float32);
+    choice.tolerance = tolerance_ ? tolerance_->share() : default_tolerance(in.dtype, border);
 
     // Rounding takes its share of the tolerance first; if that is most of it, intermediates become wide.
-    GaussianRounding rounding;
-    auto choose = [&](double unit) {
-        double left = tolerance;
-        for (int attempt = 0; attempt < 2; ++attempt) {
-            rounding = {};
-            for (int axis = 0; axis < 3; ++axis) {
-                auto& taps = passes_.taps[static_cast<std::size_t>(axis)];
-                taps = gaussian_taps(sigma[axis], in.dims[axis], boundary_.boundary, left / std::max(1, active));
-                rounding += taps.rounding(unit);
-            }
-            left = std::max(tolerance - rounding.sum(), tolerance / 2);
-        }
-    };
-    choose(passes_.wide ? 0x1p-53 : 0x1p-24);
-    if (!passes_.wide && rounding.sum() > tolerance / 2) {
-        passes_.wide = true;
-        choose(0x1p-53);
+    choose_taps(in, passes.wide ? 0x1p-53 : 0x1p-24, choice);
+    if (!passes.wide && choice.rounding.sum() > choice.tolerance / 2) {
+        passes.wide = true;
+        choose_taps(in, 0x1p-53, choice);
     }
-    planes_.forget();
-    double direct = 0;
-    for (auto const& taps : passes_.taps) direct += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
+    for (auto const& taps : passes.taps)
+        choice.direct += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
+    choose_cascade(in, choice);
+    return choice;
+}
 
-    // The cascade in the same precision, if it is cheaper.
-    cascade_.reset();
-    nodes_.held = false;
-    GaussianRounding cascade_rounding;
+void Gaussian::choose_taps(Header const& in, double unit, Choice& choice) const {
+    double left = choice.tolerance;
+    for (int attempt = 0; attempt < 2; ++attempt) {
+        choice.rounding = {};
+        for (int axis = 0; axis < 3; ++axis) {
+            auto& taps = choice.passes.taps[static_cast<std::size_t>(axis)];
+            taps = gaussian_taps(choice.sigma[axis], in.dims[axis], boundary_.boundary, left / axes_of(choice.sigma));
+            choice.rounding += taps.rounding(unit);
+        }
+        left = std::max(choice.tolerance - choice.rounding.sum(), choice.tolerance / 2);
+    }
+}
+
+/// In the same precision, if it is cheaper.
+void Gaussian::choose_cascade(Header const& in, Choice& choice) const {
+    Vec3 const& sigma = choice.sigma;
+    double const tolerance = choice.tolerance, direct = choice.direct;
+    auto& cascade = choice.cascade;
     if (method_ != GaussianMethod::fir && direct > cascade_overhead) {
-        double const unit = passes_.wide ? 0x1p-53 : 0x1p-24;
+        double const unit = choice.passes.wide ? 0x1p-53 : 0x1p-24;
         double left = tolerance;
         for (int attempt = 0; attempt < 2; ++attempt) {
-            cascade_ = gaussian_cascade(sigma, in.dims, boundary_.boundary, left / std::max(1, active), passes_.taps);
-            if (!cascade_) break;
-            cascade_rounding = {};
-            for (auto const& axis : cascade_->axes) cascade_rounding += axis.rounding(unit);
-            left = std::max(tolerance - cascade_rounding.sum(), tolerance / 2);
+            cascade = gaussian_cascade(sigma, in.dims, boundary_.boundary, left / axes_of(sigma), choice.passes.taps);
+            if (!cascade) break;
+            choice.cascade_rounding = {};
+            for (auto const& axis : cascade->axes) choice.cascade_rounding += axis.rounding(unit);
+            left = std::max(tolerance - choice.cascade_rounding.sum(), tolerance / 2);
         }
-        if (cascade_ && cascade_rounding.sum() > tolerance / 2) cascade_.reset();
+        if (cascade && choice.cascade_rounding.sum() > tolerance / 2) cascade.reset();
     }
-    std::string why;
-    if (method_ == GaussianMethod::automatic && direct > 2 * cascade_overhead && !cascade_)
-        why = "; no cascade keeps to the tolerance";
-    if (method_ == GaussianMethod::automatic && cascade_ && cascade_->cost + cascade_overhead >= direct) {
-        why = text("; a cascade costs ", std::round(cascade_->cost));
-        cascade_.reset();
+    if (method_ == GaussianMethod::automatic && direct > 2 * cascade_overhead && !cascade)
+        choice.why = "; no cascade keeps to the tolerance";
+    if (method_ == GaussianMethod::automatic && cascade && cascade->cost + cascade_overhead >= direct) {
+        choice.why = text("; a cascade costs ", std::round(cascade->cost));
+        cascade.reset();
     }
-    if (method_ == GaussianMethod::cascade && direct > 0 && !cascade_)
+    if (method_ == GaussianMethod::cascade && direct > 0 && !cascade)
         throw Error(ErrorKind::usage,
                     text("--method cascade: no cascade for a sigma of ", sigma[0], ",", sigma[1], ",", sigma[2],
                          " voxels keeps to a tolerance of ", 100 * tolerance, "%",
                          boundary_.boundary == Boundary::wrap ? " and reaches no further than the slices" : ""),
                     "leave the choice to vkt (--method auto), or allow a larger --tolerance");
+}
 
+Plan Gaussian::plan_by(Choice const& choice, Header const& in) const {
+    GaussianPasses const& passes = choice.passes;
+    auto const& cascade = choice.cascade;
+    double const direct = choice.direct, border = passes.border_value;
+    bool const constant = boundary_.boundary == Boundary::border;
     Plan plan;
-    plan.output = planned_ = in;
+    plan.output = in;
     plan.boundary = boundary_.boundary;
-    plan.border_value = passes_.border_value;
-    plan.cost = cascade_ ? cascade_->cost : direct;
+    plan.border_value = passes.border_value;
+    plan.cost = cascade ? cascade->cost : direct;
     double truncation = 0, reduced = 0, steps = 0;
     std::string radii, lattice;
     for (std::size_t i = 0; i < 3; ++i) {
-        auto const& taps = passes_.taps[i];
+        auto const& taps = passes.taps[i];
         truncation += taps.truncation;
         steps += taps.radius > 0 ? static_cast<double>(taps.radius + 3) : 0;
         radii = text(radii, radii.empty() ? "" : ",", taps.radius);
-        if (!cascade_) continue;
-        CascadeAxis const& axis = cascade_->axes[i];
+        if (!cascade) continue;
+        CascadeAxis const& axis = cascade->axes[i];
         reduced += axis.truncation;
         steps += static_cast<double>(axis.before.radius + axis.coarse.radius + axis.taps + 9);
         lattice = text(lattice, lattice.empty() ? "" : ",", axis.step);
     }
-    copies_ = direct == 0;
-    if (!copies_ || truncation > 0) {
+    bool const copies = direct == 0;
+    if (!copies || truncation > 0) {
         plan.error.kind = ErrorBound::Kind::bound;
-        plan.error.range = truncation + rounding.range;
+        plan.error.range = truncation + choice.rounding.range;
     }
-    if (cascade_) {
-        plan.error.range = reduced + cascade_rounding.range;
-        rounding.magnitude = cascade_rounding.magnitude;
+    if (cascade) {
+        plan.error.range = reduced + choice.cascade_rounding.range;
     }
-    if (!copies_) {
+    if (!copies) {
+        double const magnitude = cascade ? choice.cascade_rounding.magnitude : choice.rounding.magnitude;
         // What goes in is rounded if the compute type does not hold it, and what comes out if the output is narrower.
-        DataType const computes = passes_.wide ? DataType::float64 : DataType::float32;
+        DataType const computes = passes.wide ? DataType::float64 : DataType::float32;
         bool const rounds_in =
-            (is_integer(in.dtype) && size_of(in.dtype) == 8) || (!passes_.wide && border != static_cast<float>(border));
+            (is_integer(in.dtype) && size_of(in.dtype) == 8) || (!passes.wide && border != static_cast<float>(border));
         bool const rounds_out = !is_integer(in.dtype) && in.dtype != computes;
         plan.error.magnitude =
-            rounding.magnitude + (rounds_in ? storing_error(computes) : 0) + (rounds_out ? storing_error(in.dtype) : 0);
+            magnitude + (rounds_in ? storing_error(computes) : 0) + (rounds_out ? storing_error(in.dtype) : 0);
         double const floor = steps * 8 * storing_floor(computes) + (rounds_out ? storing_floor(in.dtype) : 0);
         plan.error.absolute = std::abs(in.values.slope) * floor;
     }
     if (!plan.error.exact() && !is_uniform(in)) plan.error = ErrorBound::none_known();
     plan.error.limit(in.dtype, in.values.slope, constant ? std::optional(border) : std::nullopt);
     plan.passing = ErrorPassing::averaged(1, values_read(in, plan)); // the weights are positive
-    if (copies_) {
+    if (copies) {
         plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
         return plan;
     }
-    char const* const precision = passes_.wide ? ", float64" : ", float32";
-    plan.method = cascade_ ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
-                           : text("direct FIR, radius ", radii, precision, why);
+    char const* const precision = passes.wide ? ", float64" : ", float32";
+    plan.method = cascade ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
+                          : text("direct FIR, radius ", radii, precision, choice.why);
     // Slabs that are low beside the kernel load much for little, and threads meet after each; of higher ones the
     // cascade would only hold more.
     std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype));
     auto const within = [&](std::int64_t mebibytes) { return (mebibytes << 20) / slice; };
     std::int64_t const high =
-        cascade_ ? std::min<std::int64_t>(within(16), 16)
-                 : std::max(std::min<std::int64_t>(within(32), 32), std::min<std::int64_t>(within(8), 64));
-    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::max<std::int64_t>(high, 4);
-    together_ = passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
+        cascade ? std::min<std::int64_t>(within(16), 16)
+                : std::max(std::min<std::int64_t>(within(32), 32), std::min<std::int64_t>(within(8), 64));
+    plan.slab_hint = passes.taps[2].radius == 0 ? 0 : std::max<std::int64_t>(high, 4);
     return plan;
 }
 
 std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     if (copies_) return 0;
     planes_.forget();
-    passes_.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
-    if (cascade_) {
+    choice_.passes.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
+    if (choice_.cascade) {
         nodes_.held = false;
         CascadeLayout const layout(cascade(), largest);
         std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
-        return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) * (passes_.wide ? 8 : 4);
+        return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) *
+               (choice_.passes.wide ? 8 : 4);
     }
-    GaussianLayout const layout(passes_, largest);
+    GaussianLayout const layout(choice_.passes, largest);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
-    return static_cast<std::size_t>(threads * layout.values) * (passes_.wide ? 8 : 4);
+    return static_cast<std::size_t>(threads * layout.values) * (choice_.passes.wide ? 8 : 4);
 }
 
 GaussianLayout::GaussianLayout(GaussianPasses const& passes, Index3 region) {
@@ -363,10 +394,11 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
 }
 
 Box Gaussian::footprint(Box const& output, int) const {
-    Box box = cascade_ ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
+    Box box = choice_.cascade ? cascade_input(cascade(), output) : gaussian_input(choice_.passes, output);
     if (!region_.empty()) return box;
     // What the ring holds need not come again.
-    if (cascade_ && nodes_.continues(output)) box.lower.z = std::clamp(nodes_.thin_end, box.lower.z, box.upper.z);
+    if (choice_.cascade && nodes_.continues(output))
+        box.lower.z = std::clamp(nodes_.thin_end, box.lower.z, box.upper.z);
     return box;
 }
 
@@ -375,10 +407,10 @@ void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
     if (inside.empty()) return;
     Losses losses;
-    if (cascade_)
+    if (choice_.cascade)
         gaussian_cascade_run(cascade(), nodes_, inputs[0], out.part(inside), losses, execution);
     else
-        gaussian_run(passes_, planes_, inputs[0], out.part(inside), losses, execution);
+        gaussian_run(choice_.passes, planes_, inputs[0], out.part(inside), losses, execution);
     counts_.clipped += losses.clipped;
 }
 

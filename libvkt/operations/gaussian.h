@@ -65,8 +65,10 @@ public:
     std::vector<Knob> knobs() const override;
     std::optional<double> by_definition(ConstView input, Index3 voxel) const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
-    Plan plan_level(Header const& level, Index3 cell_width) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
+    Plan plan_level(Header const& level, Index3 cell_width) const override;
+    void begin_level(Header const& level, Index3 cell_width, Plan const& plan) override;
     /// Grown by what the kernel sees and cut to the volume, because the kernel knows the boundary rule; by the cascade,
     /// of a region that follows the last one, only the slices that run() has not seen yet, unless what lies outside of
     /// --roi is copied.
@@ -74,7 +76,7 @@ public:
     /// What threads hold of the tiles they work on; or the rings of the cascade.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return !passes_.clips; }
+    bool runs_on_gpu() const override { return !choice_.passes.clips; }
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
@@ -82,8 +84,24 @@ public:
     void set_method(GaussianMethod method) { method_ = method; }
 
 private:
-    Plan plan_for(Header const& in, Vec3 const& sigma);
-    CascadePasses cascade() const { return {&passes_, &*cascade_}; }
+    /// How a volume, or a level of a tree, is convolved.
+    struct Choice {
+        Vec3 sigma; ///< in its voxels
+        double tolerance = 0;
+        GaussianPasses passes;
+        GaussianRounding rounding;              ///< of the passes
+        double direct = 0;                      ///< multiply-adds of theirs; 0: no taps beside the middle ones
+        std::optional<GaussianCascade> cascade; ///< if that is cheaper
+        GaussianRounding cascade_rounding;
+        std::string why; ///< there is none
+    };
+    Choice choose(Header const& in, Vec3 const& sigma) const;
+    void choose_taps(Header const& in, double unit, Choice& choice) const;
+    void choose_cascade(Header const& in, Choice& choice) const;
+    Plan plan_by(Choice const& choice, Header const& in) const;
+    void begin_by(Choice choice, Plan const& plan);
+    Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
+    CascadePasses cascade() const { return {&choice_.passes, &*choice_.cascade}; }
 
     Vec3 sigma_{1, 1, 1};
     LengthUnit unit_ = LengthUnit::voxel;
@@ -92,12 +110,10 @@ private:
     GaussianMethod method_ = GaussianMethod::automatic;
     Roi region_;
 
-    Vec3 planned_sigma_;        ///< in voxels
-    std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
+    Choice choice_;
     bool copies_ = false;       ///< no taps beside the middle ones
-    GaussianPasses passes_;
+    std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
     GaussianPlanes planes_;
-    std::optional<GaussianCascade> cascade_; ///< how it is computed, if that is cheaper
     CascadePlanes nodes_;
     Box box_; ///< the region
     Losses counts_;

@@ -184,29 +184,22 @@ void GroupedResult::add(GroupedResult const& other) {
     for (auto const& [key, part] : other.groups) groups[key].append(part, type);
 }
 
-Plan GroupedStatistics::plan(std::span<Header const> inputs) {
-    input_ = inputs.front();
-    if (input_.kind != Kind::structured)
+Plan GroupedStatistics::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    if (in.kind != Kind::structured)
         throw Error(ErrorKind::usage, "hierarchical volumes have neither masks, labels, slices nor partial statistics",
                     "make a grid first: vkt resample --cells 50M");
-    region_ = roi.resolve(input_.dims);
-    result_ = {};
-    result_.by = by;
-    result_.type = input_.dtype;
-    result_.values = input_.values;
-    if (mask != nullptr) require_same_grid(input_, mask->header(), "--mask");
+    static_cast<void>(roi.resolve(in.dims)); // or it is refused
+    if (mask != nullptr) require_same_grid(in, mask->header(), "--mask");
     if (labels != nullptr) {
-        require_same_grid(input_, labels->header(), "--labels");
-        DataType const type = labels->header().dtype;
-        if (!is_integer(type))
+        require_same_grid(in, labels->header(), "--labels");
+        if (DataType const type = labels->header().dtype; !is_integer(type))
             throw Error(ErrorKind::usage, text("--labels: labels are integers, these are ", type),
                         "convert them: vkt convert --dtype uint32");
-        result_.unsigned_keys = type == DataType::uint64;
     }
-    if (by == GroupedBy::volume) result_.groups[0]; // also if nothing is counted
     Plan plan;
-    plan.output = input_;
-    bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
+    plan.output = in;
+    bool const exact = is_integer(in.dtype) && size_of(in.dtype) <= 4;
     plan.method = exact ? "exact integer sums by group" : "shifted sums by group, Chan merge";
     if (!exact) {
         plan.error.kind = ErrorBound::Kind::estimate;
@@ -214,6 +207,17 @@ Plan GroupedStatistics::plan(std::span<Header const> inputs) {
     }
     plan.cost = 20;
     return plan;
+}
+
+void GroupedStatistics::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs.front();
+    region_ = roi.resolve(input_.dims);
+    result_ = {};
+    result_.by = by;
+    result_.type = input_.dtype;
+    result_.values = input_.values;
+    result_.unsigned_keys = labels != nullptr && labels->header().dtype == DataType::uint64;
+    if (by == GroupedBy::volume) result_.groups[0]; // also if nothing is counted
 }
 
 void GroupedStatistics::scan(ConstView slab, Execution const& execution) {

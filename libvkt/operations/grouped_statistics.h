@@ -47,7 +47,8 @@ public:
     std::string_view name() const override { return "stats"; }
     Shape shape() const override { return Shape::reduction; }
     /// Throws Error{usage} for hierarchical volumes, a mask or labels on another grid, and labels that are no integers.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     std::int64_t scan_step(Index3 part) const override { return block_rows(part); }
     void scan(ConstView slab, Execution const& execution) override;

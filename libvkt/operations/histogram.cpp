@@ -216,13 +216,35 @@ Report Histogram::report() const {
         .write_as(ReportForm::csv, to_csv(result_));
 }
 
-Plan Histogram::plan(std::span<Header const> inputs) {
+Box Histogram::region_in(Header const& in) const {
+    bool const tree = in.kind == Kind::hierarchical;
+    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
+           : tree      ? resolve_in_tree(roi, in)
+                       : roi.resolve(in.dims);
+}
+
+Plan Histogram::plan(std::span<Header const> inputs) const {
     check();
+    Header const& in = inputs.front();
+    static_cast<void>(region_in(in)); // or it is refused
+    RangeScan const ends(range_, in);
+    if (!range_.depends()) static_cast<void>(bins_between(ends, in)); // the same
+    bool const small = size_of(in.dtype) <= 2, by_pattern = range_.depends() && small;
+    Plan plan;
+    plan.output = in;
+    plan.scans = range_.depends() && !by_pattern;
+    plan.method = text(bin_count_, " bins", plan.scans ? ", after their range" : "");
+    plan.cost = 4;
+    plan.state_bytes =
+        (static_cast<std::size_t>(bin_count_) + (by_pattern ? 65536 : 0) + 3) * 8 * 3 + ends.state_bytes();
+    if (small) plan.state_bytes += std::size_t{4} << 18; // threads count words
+    return plan;
+}
+
+void Histogram::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs.front();
     bool const tree = input_.kind == Kind::hierarchical;
-    region_ = finest_region_ = roi.empty() ? (tree ? region_of(input_) : box_of(input_.dims))
-                               : tree      ? resolve_in_tree(roi, input_)
-                                           : roi.resolve(input_.dims);
+    region_ = finest_region_ = region_in(input_);
     background_ = tree ? stored_background(input_) : std::nullopt;
     levels_.clear();
     counts_ = tree ? nullptr : &levels_[1];
@@ -231,18 +253,8 @@ Plan Histogram::plan(std::span<Header const> inputs) {
     ends_.emplace(range_, input_);
     range_known_ = !range_.depends();
     by_pattern_ = !range_known_ && size_of(input_.dtype) <= 2;
-    if (range_known_) set_range();
+    bins_ = range_known_ ? bins_between(*ends_, input_) : Bins();
     counted_in_ = range_known_ ? bins_ : by_pattern_ ? Bins::of_patterns(input_.dtype) : Bins();
-
-    Plan plan;
-    plan.output = input_;
-    plan.scans = !range_known_ && !by_pattern_;
-    plan.method = text(bin_count_, " bins", plan.scans ? ", after their range" : "");
-    plan.cost = 4;
-    plan.state_bytes =
-        (static_cast<std::size_t>(bin_count_) + (by_pattern_ ? 65536 : 0) + 3) * 8 * 3 + ends_->state_bytes();
-    if (size_of(input_.dtype) <= 2) plan.state_bytes += std::size_t{4} << 18; // threads count words
-    return plan;
 }
 
 void Histogram::enter_level(Index3 cell_width, Index3 first) {
@@ -266,18 +278,18 @@ void Histogram::count(ConstView cells, Execution const& execution) {
     count_in_bins(cells, counted_in_, {cells.box, {1, 1, 1}}, counts_->data(), execution);
 }
 
-/// Bins from the ends that are now known.
-void Histogram::set_range() {
+/// Bins from ends that are known.
+Bins Histogram::bins_between(RangeScan const& ends, Header const& in) const {
     auto const physical = [&](StoredValue const& end) {
-        if (input_.values == ValueMap{} && end.rest == 0 && end.whole != 0) {
+        if (in.values == ValueMap{} && end.rest == 0 && end.whole != 0) {
             Number number(end.value());
             number.whole = end.whole;
             return number;
         }
-        return Number(input_.values.physical(end.value()) + 0.0);
+        return Number(in.values.physical(end.value()) + 0.0);
     };
-    Number low = range_.low.percentile ? physical(ends_->low()) : range_.low.value,
-           high = range_.high.percentile ? physical(ends_->high()) : range_.high.value;
+    Number low = range_.low.percentile ? physical(ends.low()) : range_.low.value,
+           high = range_.high.percentile ? physical(ends.high()) : range_.high.value;
     if (!std::isfinite(low.value) || !std::isfinite(high.value))
         throw Error(ErrorKind::data, text("the range reaches from ", low.value, " to ", high.value),
                     "give numbers: --range LO:HI");
@@ -299,7 +311,7 @@ void Histogram::set_range() {
         throw Error(ErrorKind::data, text("the range is empty: it reaches from ", low.value, " to ", high.value),
                     "give two numbers, or two percentiles");
     }
-    bins_ = Bins(input_.dtype, input_.values, low, high, bin_count_);
+    return Bins(in.dtype, in.values, low, high, bin_count_);
 }
 
 void Histogram::scan_end() {
@@ -312,7 +324,7 @@ void Histogram::scan_end() {
         if (!ends_->known())
             throw Error(ErrorKind::data, "no voxel is a finite number: there is no range to count in",
                         "give numbers: --range LO:HI");
-        set_range();
+        bins_ = bins_between(*ends_, input_);
         range_known_ = true;
         if (!by_pattern_) {
             counted_in_ = bins_;

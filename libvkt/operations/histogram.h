@@ -58,7 +58,8 @@ public:
     bool prints(ReportForm form) const override { return !mergeable || form == ReportForm::json; }
     void measure(Measurement& to) override;
     Report report() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Header const& header() const { return input_; } ///< of the volume just counted
     void enter_level(Index3 cell_width, Index3 first) override;
     bool uses_position() const override { return !(finest_region_ == box_of(input_.dims)); }
@@ -72,7 +73,8 @@ public:
     HistogramResult const& result() const { return result_; }
 
 private:
-    void set_range();
+    Box region_in(Header const& in) const;
+    Bins bins_between(RangeScan const& ends, Header const& in) const;
     void finish();
     void count(ConstView cells, Execution const& execution);
 

@@ -136,7 +136,7 @@ void Info::parameters(Parameters& p) {
     p.flag("head", head, "only the first volume: what comes after its header is not read, nor proven whole");
 }
 
-Plan Info::plan(std::span<Header const> inputs) {
+Plan Info::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = inputs.front();
     plan.cost = 0;

@@ -25,7 +25,7 @@ public:
         return files.empty() ? std::vector<std::string>{"-"} : files;
     }
     void parameters(Parameters& p) override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
 

@@ -218,24 +218,21 @@ void KernelFilter::check() const {
                     "name a file, or <(command)");
 }
 
-void KernelFilter::describe(Header const& in, Plan& plan) {
-    if (!kernel_) kernel_ = read_kernel(file_);
-    Kernel kernel = *kernel_;
+LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_width*/) const {
+    Weights result;
+    Kernel kernel = kernel_.of(file_, read_kernel);
     if (convolve_) std::reverse(kernel.weights.begin(), kernel.weights.end());
     Index3 const n = kernel.dims, r{n.x / 2, n.y / 2, n.z / 2};
-    by_fft_ = false;
-    fft_.reset();
-    dims_ = in.dims;
     auto const size = text(n.x, "x", n.y, "x", n.z);
     for (std::int64_t z = 0; z < n.z; ++z)
         for (std::int64_t y = 0; y < n.y; ++y)
             for (std::int64_t x = 0; x < n.x; ++x) {
                 double const weight = kernel.weights[static_cast<std::size_t>((z * n.y + y) * n.x + x)];
-                if (weight != 0) dense_.taps.push_back({{x - r.x, y - r.y, z - r.z}, weight});
+                if (weight != 0) result.dense.taps.push_back({{x - r.x, y - r.y, z - r.z}, weight});
             }
-    dense_.radius = r;
+    result.dense.radius = r;
     bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
-    auto const weights = static_cast<double>(dense_.taps.size());
+    auto const taps = static_cast<double>(result.dense.taps.size());
     bool const exact =
         is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic && !tolerance_;
     double const rounding = wide ? 0x1p-50 : 0x1p-24, allowed = tolerance_ ? tolerance_->share() : rounding;
@@ -244,8 +241,8 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
         products = products_of(kernel, std::max(allowed, rounding),
                                method_ == KernelMethod::separable
                                    ? 1e4
-                                   : std::max(weights / passes_per_tap, static_cast<double>(n.x + n.y + n.z)));
-    if (method_ == KernelMethod::separable && !products && weights > 0)
+                                   : std::max(taps / passes_per_tap, static_cast<double>(n.x + n.y + n.z)));
+    if (method_ == KernelMethod::separable && !products && taps > 0)
         throw Error(ErrorKind::usage, text("--method separable: the kernel ", file_, " is no sum of few products"),
                     "leave the choice to vkt (--method auto), or allow a larger --tolerance");
     double const transforms_error = FftCorrelation::error(r);
@@ -255,30 +252,37 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
                     "leave the choice to vkt (--method auto), or allow a larger --tolerance");
     bool const one = products && products->sum.terms.size() == 1;
     double const products_cost = products ? products->sum.cost() : 0;
-    bool const cheaper = products && (one ? weights > products_cost : weights > passes_per_tap * products_cost);
+    bool const cheaper = products && (one ? taps > products_cost : taps > passes_per_tap * products_cost);
     bool const transforms_allowed = tolerance_ ? transforms_error <= allowed : !wide && !exact;
     if (products && (method_ == KernelMethod::separable || (cheaper && (one || !exact)))) {
-        sum_ = products->sum;
-        more_error_ = products->left;
-        plan.method =
-            one ? text("separable kernel, ", size) : text("sum of ", sum_.terms.size(), " separable kernels, ", size);
-    } else if (weights > 0 &&
+        result.sum = products->sum;
+        result.more_error = products->left;
+        result.method = one ? text("separable kernel, ", size)
+                            : text("sum of ", result.sum.terms.size(), " separable kernels, ", size);
+    } else if (taps > 0 &&
                (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && transforms_allowed &&
-                                                 weights > FftCorrelation::cost(r) && module_installed("kissfft")))) {
+                                                 taps > FftCorrelation::cost(r) && module_installed("kissfft")))) {
         if (!module_installed("kissfft")) module_functions("kissfft", "filter kernel --method fft");
-        by_fft_ = true;
-        more_error_ = transforms_error;
-        cost_ = FftCorrelation::cost(r);
-        plan.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
-                           "; directly on a GPU and around what is not finite");
+        result.by_fft = true;
+        result.more_error = transforms_error;
+        result.cost = FftCorrelation::cost(r);
+        result.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
+                             "; directly on a GPU and around what is not finite");
     } else {
-        plan.method = text("direct, kernel ", size, ", ", dense_.taps.size(), " weights");
+        result.method = text("direct, kernel ", size, ", ", result.dense.taps.size(), " weights");
     }
+    return result;
+}
+
+void KernelFilter::prepare(Header const& in, Index3 cell_width) {
+    LinearFilter::prepare(in, cell_width);
+    fft_.reset();
+    dims_ = in.dims;
 }
 
 Box KernelFilter::footprint(Box const& output, int input) const {
     Box box = LinearFilter::footprint(output, input);
-    if (!by_fft_) return box;
+    if (!weights_.by_fft) return box;
     // Squares are whole wherever the output begins.
     box.lower.x = -reach_.x;
     box.lower.y = -reach_.y;
@@ -288,17 +292,17 @@ Box KernelFilter::footprint(Box const& output, int input) const {
 }
 
 std::size_t KernelFilter::fit(Index3 largest, Execution const& execution) {
-    if (!by_fft_ || execution.device == Device::gpu) return LinearFilter::fit(largest, execution);
+    if (!weights_.by_fft || execution.device == Device::gpu) return LinearFilter::fit(largest, execution);
     return FftCorrelation::bytes(reach_) * static_cast<std::size_t>(std::max(1, execution.threads) + 1) +
            static_cast<std::size_t>(largest.x * largest.y * largest.z) * sizeof(double);
 }
 
 void KernelFilter::filter(ConstView in, AnyView out, Execution const& execution) {
-    if (!by_fft_ || execution.device == Device::gpu) {
+    if (!weights_.by_fft || execution.device == Device::gpu) {
         LinearFilter::filter(in, out, execution);
         return;
     }
-    if (!fft_) fft_.emplace(dense_, dims_);
+    if (!fft_) fft_.emplace(weights_.dense, dims_);
     Index3 const n = out.box.dims();
     std::vector<double> sums(static_cast<std::size_t>(n.x * n.y * n.z));
     AnyView const wide = dense_view(reinterpret_cast<std::byte*>(sums.data()), DataType::float64, out.box);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/read_once.h"
 #include "libvkt/operations/fft_correlation.h"
 #include "libvkt/operations/linear_filter.h"
 #include "libvkt/operations/share_of_range.h"
@@ -55,7 +56,8 @@ public:
     std::vector<Knob> knobs() const override;
 
 protected:
-    void describe(Header const& in, Plan& plan) override;
+    void prepare(Header const& in, Index3 cell_width) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
@@ -63,10 +65,9 @@ private:
     bool convolve_ = false;
     KernelMethod method_ = KernelMethod::automatic;
     std::optional<ShareOfRange> tolerance_; ///< of the largest magnitude times the sum of the weights' magnitudes
-    bool by_fft_ = false;
     Index3 dims_;
     std::optional<FftCorrelation> fft_; ///< made when it is needed first
-    std::optional<Kernel> kernel_;      ///< read once: the file may be a pipe
+    ReadOnce<Kernel> kernel_;
 };
 
 } // namespace vkt

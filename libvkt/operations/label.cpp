@@ -51,14 +51,10 @@ void Label::check() const {
         throw Error(ErrorKind::usage, text("--dtype: labels cannot be ", dtype), "say uint8, uint16, uint32 or uint64");
 }
 
-Plan Label::plan(std::span<Header const> inputs) {
-    input_ = inputs[0];
-    nan_ = 0;
-    labelled_.clear();
-    found_ = 0;
-    device_.reset();
+Plan Label::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
     Plan plan;
-    plan.output = input_;
+    plan.output = in;
     plan.output.dtype = dtype;
     plan.output.values = {};
     plan.output.units.clear();
@@ -68,15 +64,24 @@ Plan Label::plan(std::span<Header const> inputs) {
     plan.passing = ErrorPassing::jumps();
     plan.method = text("runs and union-find, ", connectivity, "-connected");
     plan.cost = 120;
-    if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
+    if (in.kind == Kind::hierarchical) return plan; // refused by the engine
+    plan.state_bytes = Components::table_bytes(roi.resolve(in.dims).dims());
+    return plan;
+}
+
+void Label::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs[0];
+    nan_ = 0;
+    labelled_.clear();
+    found_ = 0;
+    device_.reset();
+    if (input_.kind == Kind::hierarchical) return;
     Components::Rules rules;
     rules.connectivity = connectivity;
     rules.by_value = by_value;
     rules.zero = zero_ = stored_zero(input_);
     region_ = roi.resolve(input_.dims);
     components_.begin(region_.dims(), rules);
-    plan.state_bytes = Components::table_bytes(region_.dims());
-    return plan;
 }
 
 Box Label::footprint(Box const& output, int) const {

@@ -33,7 +33,8 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     void scan(ConstView slab, Execution const& execution) override;

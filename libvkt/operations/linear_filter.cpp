@@ -109,40 +109,45 @@ void LinearFilter::parameters(Parameters& parameters) {
         parameters.option("dtype", dtype_, "TYPE", "data type of the result (default: float32, or float64)");
 }
 
-void LinearFilter::prepare(Header const& in, Plan& plan) {
-    bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
-    if (!keeps_type_) {
-        plan.output.dtype = dtype_.value_or(wide ? DataType::float64 : DataType::float32);
-        plan.output.values = {};
-    }
-    require_border_voxel(in);
-    sum_ = {};
-    dense_ = {};
-    more_error_ = cost_ = 0;
-    describe(in, plan);
-    sum_.wide = dense_.wide = wide;
-    same_ = {{AxisTaps{}}, {AxisTaps{}}, {AxisTaps{}}, {{}}, {{}}, 1, in.values.intercept, wide};
-    same_.z[0].taps = {in.values.slope};
+bool LinearFilter::is_wide(DataType type) {
+    return type == DataType::float64 || (is_integer(type) && size_of(type) >= 4);
+}
 
-    maps_ = !(in.values == plan.output.values);
+void LinearFilter::set_type(Header const& in, Header& output) const {
+    if (keeps_type_) return;
+    output.dtype = dtype_.value_or(is_wide(in.dtype) ? DataType::float64 : DataType::float32);
+    output.values = {};
+}
 
-    bool const separable = !sum_.terms.empty();
-    Weight const weight = separable ? weight_of(sum_) : weight_of(dense_);
-    reach_ = separable ? sum_.radius() : dense_.radius;
-    plan.cost = separable ? sum_.cost() : static_cast<double>(dense_.taps.size());
-    if (cost_ > 0) plan.cost = cost_;
-    plan.slab_hint = std::max<std::int64_t>(16, 4 * reach_.z);
+LinearFilter::Weights LinearFilter::stored_weights(Header const& in, Index3 cell_width) const {
+    Weights result = weights(in, cell_width);
+    result.sum.wide = result.dense.wide = is_wide(in.dtype);
+    if (keeps_type_) return result;
     // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
-    if (!keeps_type_) {
-        for (auto& term : sum_.terms) term.weight *= in.values.slope;
-        for (Tap& tap : dense_.taps) tap.weight *= in.values.slope;
-        (separable ? sum_.offset : dense_.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * weight.total;
-    }
+    bool const separable = !result.sum.terms.empty();
+    double const total = separable ? weight_of(result.sum).total : weight_of(result.dense).total;
+    for (auto& term : result.sum.terms) term.weight *= in.values.slope;
+    for (Tap& tap : result.dense.taps) tap.weight *= in.values.slope;
+    (separable ? result.sum.offset : result.dense.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * total;
+    return result;
+}
+
+void LinearFilter::describe(Header const& in, Index3 cell_width, Plan& plan) const {
+    set_type(in, plan.output);
+    require_border_voxel(in);
+    Weights const filter = weights(in, cell_width);
+    SeparableSum const& sum = filter.sum;
+    bool const separable = !sum.terms.empty(), wide = is_wide(in.dtype);
+    Weight const weight = separable ? weight_of(sum) : weight_of(filter.dense);
+    std::int64_t const reach = separable ? sum.radius().z : filter.dense.radius.z;
+    plan.method = filter.method;
+    plan.cost = filter.cost > 0 ? filter.cost : separable ? sum.cost() : static_cast<double>(filter.dense.taps.size());
+    plan.slab_hint = std::max<std::int64_t>(16, 4 * reach);
 
     double const unit = wide ? 0x1p-53 : 0x1p-24;
     double const stored = storing_error(plan.output.dtype), steps = static_cast<double>(weight.steps + 2);
     plan.error.kind = ErrorBound::Kind::bound;
-    plan.error.magnitude = weight.magnitude * (steps * unit + stored + more_error_);
+    plan.error.magnitude = weight.magnitude * (steps * unit + stored + filter.more_error);
     plan.error.absolute =
         std::abs(in.values.intercept) * weight.magnitude * (4 * unit + stored) +
         steps * std::max(1.0, weight.magnitude * std::abs(in.values.slope)) *
@@ -156,19 +161,30 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     }
 }
 
+void LinearFilter::prepare(Header const& in, Index3 cell_width) {
+    weights_ = stored_weights(in, cell_width);
+    reach_ = weights_.sum.terms.empty() ? weights_.dense.radius : weights_.sum.radius();
+    same_ = {{AxisTaps{}}, {AxisTaps{}}, {AxisTaps{}}, {{}}, {{}}, 1, in.values.intercept, is_wide(in.dtype)};
+    same_.z[0].taps = {in.values.slope};
+    Header output = in;
+    set_type(in, output);
+    maps_ = !(in.values == output.values);
+}
+
 std::vector<Knob> LinearFilter::knobs() const {
     return keeps_type_ ? std::vector<Knob>() : std::vector<Knob>{type_knob()};
 }
 
 std::size_t LinearFilter::fit(Index3, Execution const& execution) {
-    return sum_.terms.empty() ? 0 : sum_.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
+    return weights_.sum.terms.empty() ? 0
+                                      : weights_.sum.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
 }
 
 void LinearFilter::filter(ConstView in, AnyView out, Execution const& execution) {
-    if (sum_.terms.empty())
-        correlate_dense(in, out, dense_, losses_, execution);
+    if (weights_.sum.terms.empty())
+        correlate_dense(in, out, weights_.dense, losses_, execution);
     else
-        correlate(in, out, sum_, losses_, execution);
+        correlate(in, out, weights_.sum, losses_, execution);
 }
 
 void LinearFilter::outside(ConstView in, AnyView out, Execution const& execution) {

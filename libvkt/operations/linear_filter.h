@@ -22,18 +22,30 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
-    /// The filter for physical values, in world units where lengths matter: fills sum_ or, if it stays empty, dense_.
-    virtual void describe(Header const& in, Plan& plan) = 0;
-    void prepare(Header const& in, Plan& plan) final;
+    /// A weighted sum, or the length of a vector of such sums.
+    struct Weights {
+        SeparableSum sum;
+        DenseKernel dense;     ///< if there is no sum
+        std::string method;    ///< see Plan
+        double more_error = 0; ///< share of the largest magnitude times the weights' that is added to the bound
+        double cost = 0;       ///< multiply-adds a voxel, of what is not direct
+        bool by_fft = false;   ///< a kernel that filter() does not apply here
+    };
+    /// The filter for physical values, in world units where lengths matter.
+    virtual Weights weights(Header const& in, Index3 cell_width) const = 0;
+    void describe(Header const& in, Index3 cell_width, Plan& plan) const final;
+    void prepare(Header const& in, Index3 cell_width) override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
     void outside(ConstView in, AnyView out, Execution const& execution) override;
 
-    SeparableSum sum_;
-    double more_error_ = 0; ///< share of the largest magnitude times the weights' that describe() adds to the bound
-    double cost_ = 0;       ///< multiply-adds a voxel of what is not direct, if describe() says so
-    DenseKernel dense_;
+    Weights weights_;
 
 private:
+    static bool is_wide(DataType type);
+    /// Those for stored values.
+    Weights stored_weights(Header const& in, Index3 cell_width) const;
+    void set_type(Header const& in, Header& output) const;
+
     bool keeps_type_;
     std::optional<DataType> dtype_;
     bool maps_ = false; ///< the input has a value map

@@ -46,27 +46,37 @@ void LocalFilter::check() const {
         throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }
 
-Plan LocalFilter::plan(std::span<Header const> inputs) { return plan_on(inputs[0], {1, 1, 1}); }
+Plan LocalFilter::plan(std::span<Header const> inputs) const { return plan_on(inputs[0], {1, 1, 1}); }
 
-Plan LocalFilter::plan_on(Header const& in, Index3 cell_width) {
+void LocalFilter::begin(std::span<Header const> inputs, Plan const& plan) { begin_on(inputs[0], {1, 1, 1}, plan); }
+
+Plan LocalFilter::plan_on(Header const& in, Index3 cell_width) const {
     check();
-    cell_width_ = cell_width;
+    static_cast<void>(region_in(in.dims)); // or it is refused
     Plan plan;
     plan.output = in;
     plan.boundary = boundary_.boundary;
     if (boundary_.boundary == Boundary::border) plan.border_value = in.values.stored(boundary_.value);
-    losses_ = {};
-    box_ = region_.empty() ? box_of(in.dims) : region_.resolve(in.dims);
-    prepare(in, plan);
-    planned_ = plan.output;
+    describe(in, cell_width, plan);
     return plan;
 }
 
-Plan LocalFilter::plan_level(Header const& level, Index3 cell_width) {
+void LocalFilter::begin_on(Header const& in, Index3 cell_width, Plan const& plan) {
+    losses_ = {};
+    box_ = region_in(in.dims);
+    planned_ = plan.output;
+    prepare(in, cell_width);
+}
+
+Plan LocalFilter::plan_level(Header const& level, Index3 cell_width) const {
     if (!region_.empty())
         throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
                     "crop the hierarchical volume first: vkt crop --roi");
     return plan_on(level, cell_width);
+}
+
+void LocalFilter::begin_level(Header const& level, Index3 cell_width, Plan const& plan) {
+    begin_on(level, cell_width, plan);
 }
 
 void LocalFilter::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -34,9 +34,11 @@ public:
     Shape shape() const override { return Shape::neighbourhood; }
     void parameters(Parameters& parameters) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     /// Throws Error{usage} if there is a region: levels do not know where it lies.
-    Plan plan_level(Header const& level, Index3 cell_width) override;
+    Plan plan_level(Header const& level, Index3 cell_width) const override;
+    void begin_level(Header const& level, Index3 cell_width, Plan const& plan) override;
     /// Grown by the reach, with or without a region: the slices that a window keeps are then always the next ones.
     Box footprint(Box const& output, int) const override { return grow(output, reach_); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
@@ -44,8 +46,11 @@ public:
     std::vector<Remark> remarks() const override;
 
 protected:
-    /// Describes the filter for this volume: reach_, and what of the plan is not that of a copy.
-    virtual void prepare(Header const& in, Plan& plan) = 0;
+    /// Describes the filter for a volume, or a level of a tree whose cells are so many finest cells wide: what of the
+    /// plan is not that of a copy.
+    virtual void describe(Header const& in, Index3 cell_width, Plan& plan) const = 0;
+    /// Such a volume begins: reach_, and what else filter() works with.
+    virtual void prepare(Header const& in, Index3 cell_width) = 0;
     /// Computes out.box, which lies in the region; `in` covers it grown by the reach.
     virtual void filter(ConstView in, AnyView out, Execution const& execution) = 0;
 
@@ -56,13 +61,14 @@ protected:
 
     bool has_region() const { return !region_.empty(); }
 
-    Index3 cell_width_{1, 1, 1}; ///< of a voxel in finest cells, more than 1 on the coarser levels of a tree
-    Index3 reach_;               ///< voxels that results depend on, to either side
+    Index3 reach_; ///< voxels that results depend on, to either side
     BoundaryRule boundary_;
     Losses losses_; ///< of the volume so far
 
 private:
-    Plan plan_on(Header const& in, Index3 cell_width);
+    Plan plan_on(Header const& in, Index3 cell_width) const;
+    void begin_on(Header const& in, Index3 cell_width, Plan const& plan);
+    Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
 
     Roi region_;
     Box box_;        ///< the region

@@ -95,7 +95,7 @@ void MakeField::check_value(double value, std::string_view option) const {
     if (!held) refuse_value(dtype, value, option);
 }
 
-Plan MakeField::plan(std::span<Header const>) {
+Plan MakeField::plan(std::span<Header const>) const {
     Plan plan;
     plan.output.dims = dims.value_or(Index3{1, 1, 1});
     plan.output.dtype = dtype;
@@ -195,10 +195,6 @@ void MakeSphere::check() const {
     if (edge == SphereEdge::distance && is_integer(dtype) && !is_signed(dtype))
         throw Error(ErrorKind::usage, text("--edge distance is negative inside, which ", dtype, " cannot hold"),
                     "use --dtype float32");
-}
-Plan MakeSphere::plan(std::span<Header const> inputs) {
-    counts_ = {};
-    return MakeField::plan(inputs);
 }
 std::vector<Remark> MakeSphere::remarks() const { return store_remarks(counts_, dims->x * dims->y * dims->z, dtype); }
 void MakeSphere::run(std::span<ConstView const>, AnyView out, Execution const& execution) {

@@ -23,7 +23,7 @@ public:
     void parameters(Parameters& p) override;
     /// Throws Error{usage} for dims, spacing or values that cannot be.
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
 
 protected:
     /// Throws Error{usage} if the type cannot hold the value. Floating types hold infinities.
@@ -89,7 +89,7 @@ public:
     Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    void begin(std::span<Header const>, Plan const&) override { counts_ = {}; }
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;

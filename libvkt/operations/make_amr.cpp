@@ -58,12 +58,14 @@ AmrRecipe MakeAmr::recipe() const {
     return recipe;
 }
 
-Plan MakeAmr::plan(std::span<Header const>) {
+Plan MakeAmr::plan(std::span<Header const>) const {
     Plan plan;
     plan.output = amr_bricks(recipe(), {}).header();
     plan.passing = ErrorPassing::moved({}); // given
     return plan;
 }
+
+void MakeAmr::begin(std::span<Header const>, Plan const&) { coarsest_ = finest_ = 0; }
 
 std::optional<BrickSequence> MakeAmr::make_bricks(Execution const& execution) {
     BrickSequence bricks = amr_bricks(recipe(), execution);

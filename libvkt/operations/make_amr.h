@@ -23,7 +23,8 @@ public:
     Shape shape() const override { return Shape::source; }
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     std::optional<BrickSequence> make_bricks(Execution const& execution) override;
     /// That not all of the levels that were asked for have bricks, and why.

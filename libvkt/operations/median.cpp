@@ -39,23 +39,24 @@ void Median::check() const {
     radius_.check(most_radius);
 }
 
-void Median::prepare(Header const& in, Plan& plan) {
-    Index3 const edges = radius_.edges();
-    reach_ = radius_.voxels;
+void Median::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
+    Index3 const radius = radius_.voxels, edges = radius_.edges();
     plan.passing = ErrorPassing::moved(values_read(in, plan)); // an order statistic
-    if (reach_ == Index3{}) {
+    if (radius == Index3{}) {
         plan.shift = Index3{};
         plan.method = "copy";
         plan.cost = 0;
         return;
     }
-    plan.method = has_network(reach_) ? text("selection network, ", edges.x, "x", edges.y, "x", edges.z)
+    plan.method = has_network(radius) ? text("selection network, ", edges.x, "x", edges.y, "x", edges.z)
                                       : text("sliding histogram of ranks, ", edges.x, "x", edges.y, "x", edges.z);
-    plan.cost = reach_ == Index3{1, 1, 1}   ? 110
-                : reach_ == Index3{2, 2, 2} ? 1400
+    plan.cost = radius == Index3{1, 1, 1}   ? 110
+                : radius == Index3{2, 2, 2} ? 1400
                                             : 300 * static_cast<double>(edges.y * edges.z);
-    plan.slab_hint = std::max<std::int64_t>(8, 2 * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(8, 2 * radius.z);
 }
+
+void Median::prepare(Header const& /*in*/, Index3 /*cell_width*/) { reach_ = radius_.voxels; }
 
 std::size_t Median::fit(Index3 largest, Execution const& execution) {
     if (has_network(reach_) || reach_ == Index3{}) return 0;

@@ -53,32 +53,37 @@ void MakeMesh::check() const {
                 "say --iso VALUE, or --label N or --labels for volumes of labels");
 }
 
-Plan MakeMesh::plan(std::span<Header const> inputs) {
+Plan MakeMesh::plan(std::span<Header const> inputs) const {
     check();
-    input_ = inputs.front();
-    if (input_.kind == Kind::hierarchical)
+    Header const& in = inputs.front();
+    if (in.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "meshes are made of structured volumes", "make one first: vkt resample");
-    if (!iso && !is_integer(input_.dtype))
-        throw Error(ErrorKind::usage, text("labels are integers, the volume is ", input_.dtype),
+    if (!iso && !is_integer(in.dtype))
+        throw Error(ErrorKind::usage, text("labels are integers, the volume is ", in.dtype),
                     "convert first: vkt convert --dtype int32, or say --iso");
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    Plan plan;
+    plan.output = in;
+    plan.scans = !iso.has_value();
+    plan.method = iso ? "marching cubes, manifold" : "marching cubes around labels, manifold";
+    plan.cost = 60;
+    // The slice before, one that comes in rows, and bits of both.
+    Index3 const n = region_in(in.dims).dims();
+    plan.state_bytes = static_cast<std::size_t>(n.x * n.y) * (2 * size_of(in.dtype) + 1);
+    return plan;
+}
+
+void MakeMesh::begin(std::span<Header const> inputs, Plan const& plan) {
+    input_ = inputs.front();
+    region_ = region_in(input_.dims);
+    held_ = plan.state_bytes;
     parts_.clear();
     boxes_.clear();
     meshes_.clear();
     slice_.clear();
+    inside_ = 0;
     scans_again_ = false;
     finding_ = !iso.has_value();
     if (iso) parts_.push_back({SurfaceBuilder(input_, region_, inside_from(*iso, input_), !open), region_, "", 0});
-    Plan plan;
-    plan.output = input_;
-    plan.scans = finding_;
-    plan.method = iso ? "marching cubes, manifold" : "marching cubes around labels, manifold";
-    plan.cost = 60;
-    // The slice before, one that comes in rows, and bits of both.
-    Index3 const n = region_.dims();
-    held_ = static_cast<std::size_t>(n.x * n.y) * (2 * size_of(input_.dtype) + 1);
-    plan.state_bytes = held_;
-    return plan;
 }
 
 void MakeMesh::find_labels(ConstView voxels) {

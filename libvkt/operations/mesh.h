@@ -30,7 +30,8 @@ public:
     Shape shape() const override { return Shape::reduction; }
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
@@ -54,6 +55,7 @@ private:
         std::string name;
         std::int64_t label;
     };
+    Box region_in(Index3 dims) const { return roi.empty() ? box_of(dims) : roi.resolve(dims); }
     void take(ConstView slices, Execution const& execution);
     void find_labels(ConstView voxels);
     Report row_of(Mesh const& mesh) const;

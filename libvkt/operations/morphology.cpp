@@ -64,11 +64,8 @@ bool Morphology::twice() const {
 }
 bool Morphology::subtracts() const { return op_ == MorphologyOp::gradient || op_ == MorphologyOp::tophat; }
 
-void Morphology::prepare(Header const& in, Plan& plan) {
-    type_ = in.dtype;
-    reversed_ = in.values.slope < 0;
+void Morphology::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
     Index3 const r = radius_.voxels;
-    reach_ = twice() ? r + r : r;
     if (subtracts()) plan.output.values = {std::abs(in.values.slope), 0};
     if (subtracts() && has_region() && !(plan.output.values == in.values))
         throw Error(ErrorKind::usage,
@@ -80,7 +77,7 @@ void Morphology::prepare(Header const& in, Plan& plan) {
                             ? std::log2(n(r.x)) + 6
                             : std::numbers::pi / 4 * n(r.y) * n(r.z) + 2 * static_cast<double>(r.x);
     plan.cost = once * (twice() || op_ == MorphologyOp::gradient ? 2 : 1);
-    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * reach().z);
     plan.method = shape_ == WindowShape::box ? text("windows, ", 2 * r.x + 1, "x", 2 * r.y + 1, "x", 2 * r.z + 1)
                                              : text("chords of a ball, radius ", r.x, ",", r.y, ",", r.z);
     auto values = values_read(in, plan);
@@ -91,11 +88,17 @@ void Morphology::prepare(Header const& in, Plan& plan) {
         plan.passing.storing = ErrorPassing::Storing::whole;
         if (has_region()) plan.passing = {};
     }
-    if (subtracts() && !is_integer(type_)) {
+    if (subtracts() && !is_integer(in.dtype)) {
         plan.error.kind = ErrorBound::Kind::bound;
-        plan.error.range = storing_error(type_);
-        plan.error.absolute = std::abs(in.values.slope) * storing_floor(type_);
+        plan.error.range = storing_error(in.dtype);
+        plan.error.absolute = std::abs(in.values.slope) * storing_floor(in.dtype);
     }
+}
+
+void Morphology::prepare(Header const& in, Index3 /*cell_width*/) {
+    type_ = in.dtype;
+    reversed_ = in.values.slope < 0;
+    reach_ = reach();
 }
 
 std::size_t Morphology::fit(Index3 largest, Execution const& execution) {

@@ -40,12 +40,14 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
-    void prepare(Header const& in, Plan& plan) override;
+    void describe(Header const& in, Index3 cell_width, Plan& plan) const override;
+    void prepare(Header const& in, Index3 cell_width) override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
     bool twice() const;
     bool subtracts() const;
+    Index3 reach() const { return twice() ? radius_.voxels + radius_.voxels : radius_.voxels; }
 
     MorphologyOp op_ = MorphologyOp::erode;
     Radius radius_;

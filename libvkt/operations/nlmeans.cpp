@@ -114,39 +114,42 @@ void NlMeans::set_noise(double stored) {
     copies_ = !(rule_.strength > 0);
 }
 
-void NlMeans::prepare(Header const& in, Plan& plan) {
+void NlMeans::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
     require_border_voxel(in);
+    if (search_.voxels == Index3{}) {
+        plan.shift = Index3{};
+        plan.method = "copy";
+        plan.cost = 0;
+        return;
+    }
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
+    plan.passing.gain = {HUGE_VAL};
+    plan.passing.because = "its weights follow the values";
+    plan.scans = estimates();
+    if (estimates()) plan.state_bytes = (std::size_t{1} << 16) * 8;
+    Index3 const s = search_.edges(), p = patch_.edges();
+    plan.method = text("non-local means, ", s.x, "x", s.y, "x", s.z, " patches of ", p.x, "x", p.y, "x", p.z,
+                       estimates() ? ", noise from a pass before" : "");
+    plan.cost = static_cast<double>(s.x * s.y * s.z) * static_cast<double>(18 + p.x + p.y + p.z);
+    plan.slab_hint = std::max<std::int64_t>(16, (2 * (patch_.voxels.z + search_.voxels.z) + 15) / 16 * 16);
+    bool const narrow = size_of(in.dtype) <= 2 || in.dtype == DataType::float32;
+    plan.error.kind = ErrorBound::Kind::estimate;
+    plan.error.range = static_cast<double>(s.x + s.y + s.z + p.x + p.y + p.z + 16) * (narrow ? 0x1p-24 : 0x1p-53);
+    plan.error.magnitude = storing_error(in.dtype) + (narrow ? 0x1p-24 : 0x1p-53);
+    plan.error.absolute = std::abs(in.values.slope) * storing_floor(in.dtype);
+}
+
+void NlMeans::prepare(Header const& in, Index3 /*cell_width*/) {
     input_ = in;
     counts_ = {};
     rule_ = {};
     rule_.patch = patch_.voxels;
     rule_.search = search_.voxels;
     copies_ = false;
-    if (search_.voxels == Index3{}) {
-        reach_ = {};
-        plan.shift = Index3{};
-        plan.method = "copy";
-        plan.cost = 0;
-        return;
-    }
+    reach_ = {};
+    if (search_.voxels == Index3{}) return;
     reach_ = patch_.voxels + search_.voxels;
-    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
-    plan.passing.gain = {HUGE_VAL};
-    plan.passing.because = "its weights follow the values";
-    bool const estimates = noise_ && noise_->automatic;
-    plan.scans = estimates;
-    if (estimates) plan.state_bytes = (std::size_t{1} << 16) * 8;
-    if (!estimates) set_noise((noise_ ? noise_->deviation : 0) / std::abs(in.values.slope));
-    Index3 const s = search_.edges(), p = patch_.edges();
-    plan.method = text("non-local means, ", s.x, "x", s.y, "x", s.z, " patches of ", p.x, "x", p.y, "x", p.z,
-                       estimates ? ", noise from a pass before" : "");
-    plan.cost = static_cast<double>(s.x * s.y * s.z) * static_cast<double>(18 + p.x + p.y + p.z);
-    plan.slab_hint = std::max<std::int64_t>(16, (2 * reach_.z + 15) / 16 * 16);
-    bool const narrow = size_of(in.dtype) <= 2 || in.dtype == DataType::float32;
-    plan.error.kind = ErrorBound::Kind::estimate;
-    plan.error.range = static_cast<double>(s.x + s.y + s.z + p.x + p.y + p.z + 16) * (narrow ? 0x1p-24 : 0x1p-53);
-    plan.error.magnitude = storing_error(in.dtype) + (narrow ? 0x1p-24 : 0x1p-53);
-    plan.error.absolute = std::abs(in.values.slope) * storing_floor(in.dtype);
+    if (!estimates()) set_noise((noise_ ? noise_->deviation : 0) / std::abs(in.values.slope));
 }
 
 void NlMeans::scan_end() { set_noise(counts_.deviation()); }

@@ -44,10 +44,12 @@ public:
     Report report() const override;
 
 protected:
-    void prepare(Header const& in, Plan& plan) override;
+    void describe(Header const& in, Index3 cell_width, Plan& plan) const override;
+    void prepare(Header const& in, Index3 cell_width) override;
     void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
+    bool estimates() const { return noise_ && noise_->automatic; }
     void set_noise(double stored);
 
     Radius patch_{{1, 1, 1}}, search_{{5, 5, 5}};

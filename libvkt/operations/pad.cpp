@@ -84,12 +84,13 @@ void Pad::check() const {
         throw Error(ErrorKind::usage, "--boundary border:VALUE and --value say the same: give one of them");
 }
 
-Plan Pad::plan(std::span<Header const> inputs) {
+Number Pad::stored_in(Header const& in) const {
+    return in.values == ValueMap{} ? border() : Number(in.values.stored(border().value));
+}
+
+Plan Pad::plan(std::span<Header const> inputs) const {
     Header const& in = inputs[0];
-    dims_ = in.dims;
-    type_ = in.dtype;
-    border_ = value.value_or(Number(boundary.value));
-    stored_ = in.values == ValueMap{} ? border_ : Number(in.values.stored(border_.value));
+    Number const stored = stored_in(in);
     Plan plan;
     plan.output = in;
     plan.output.part.reset(); // what is added lies in no larger volume
@@ -105,14 +106,20 @@ Plan Pad::plan(std::span<Header const> inputs) {
     plan.method = "copy, " + enum_name(boundary.boundary);
     auto values = values_of(in);
     if (boundary.boundary == Boundary::border) {
-        if (values) values = values->with(in.values.physical(stored_.value));
+        if (values) values = values->with(in.values.physical(stored.value));
         plan.passing = ErrorPassing::moved(values);
-        plan.passing.more = std::abs(in.values.slope) * storing_loss(type_, stored_);
+        plan.passing.more = std::abs(in.values.slope) * storing_loss(in.dtype, stored);
     } else {
         plan.passing = ErrorPassing::moved(values);
     }
     plan.cost = 0;
     return plan;
+}
+
+void Pad::begin(std::span<Header const> inputs, Plan const&) {
+    dims_ = inputs[0].dims;
+    type_ = inputs[0].dtype;
+    stored_ = stored_in(inputs[0]);
 }
 
 Box Pad::footprint(Box const& output, int) const {
@@ -133,7 +140,7 @@ void Pad::run(std::span<ConstView const> inputs, AnyView out, Execution const& e
 
 std::vector<Remark> Pad::remarks() const {
     if (boundary.boundary != Boundary::border) return {};
-    return value_remarks(border_, stored_, type_,
+    return value_remarks(border(), stored_, type_,
                          box_of(dims_ + by.below + by.above).voxels() - box_of(dims_).voxels());
 }
 

@@ -33,16 +33,21 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 private:
+    /// Of the border, physical and as it is stored.
+    Number border() const { return value.value_or(Number(boundary.value)); }
+    Number stored_in(Header const& in) const;
+
     Index3 dims_; ///< of the input
     DataType type_ = DataType::uint8;
-    Number border_, stored_;
+    Number stored_;
 };
 
 } // namespace vkt

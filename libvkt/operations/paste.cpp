@@ -58,36 +58,47 @@ void Paste::parameters(Parameters& parameters) {
     parameters.option("at", at, "X Y Z", "voxel where the part begins (default: where it lies in the world)");
 }
 
-Plan Paste::plan(std::span<Header const> inputs) {
-    part_ = inputs[0];
-    into_ = inputs[1];
-    counts_ = {};
-    if (part_.kind != into_.kind)
+/// Where the part goes.
+Box Paste::place_of(Header const& pasted, Header const& whole) const {
+    if (pasted.kind != whole.kind)
         throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
                     "make it a grid first: vkt resample --cells 50M");
-    Index3 const lower = at ? *at : place_in_world(part_, into_);
-    box_ = {lower, lower + part_.dims};
-    if (!box_of(into_.dims).contains(box_))
+    Index3 const lower = at ? *at : place_in_world(pasted, whole);
+    Box const box{lower, lower + pasted.dims};
+    if (!box_of(whole.dims).contains(box))
         throw Error(
             ErrorKind::usage,
-            text("the part of ", part_.dims, " voxels at ", lower, " does not lie in the volume of ", into_.dims),
+            text("the part of ", pasted.dims, " voxels at ", lower, " does not lie in the volume of ", whole.dims),
             "cut it with 'vkt crop', or enlarge the volume with 'vkt pad'");
+    return box;
+}
+
+Plan Paste::plan(std::span<Header const> inputs) const {
+    Header const &pasted = inputs[0], &whole = inputs[1];
+    static_cast<void>(place_of(pasted, whole)); // or it is refused
     Plan plan;
-    plan.output = into_;
+    plan.output = whole;
     plan.method = "copy";
     plan.cost = 0;
-    auto values = values_of(part_);
-    auto const around = values_of(into_);
+    auto values = values_of(pasted);
+    auto const around = values_of(whole);
     plan.passing = ErrorPassing::moved(values && around ? std::optional(values->with(*around)) : std::nullopt);
     plan.passing.storing = ErrorPassing::Storing::converts;
-    plan.passing.passed = std::max(part_.error.at_most, into_.error.at_most);
-    if (!(part_.values == into_.values)) {
+    plan.passing.passed = std::max(pasted.error.at_most, whole.error.at_most);
+    if (!(pasted.values == whole.values)) {
         plan.method = "copy, values mapped";
         plan.passing.storing = ErrorPassing::Storing::computes;
         plan.error.kind = ErrorBound::Kind::estimate;
-        plan.error.magnitude = 1e-15 + storing_error(into_.dtype);
+        plan.error.magnitude = 1e-15 + storing_error(whole.dtype);
     }
     return plan;
+}
+
+void Paste::begin(std::span<Header const> inputs, Plan const&) {
+    part_ = inputs[0];
+    into_ = inputs[1];
+    box_ = place_of(part_, into_);
+    counts_ = {};
 }
 
 Box Paste::footprint(Box const& output, int input) const {

@@ -22,7 +22,8 @@ public:
     std::vector<std::string> input_names() const override { return {part.empty() ? "-" : part, into}; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the part does not lie in the volume.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
@@ -30,6 +31,8 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    Box place_of(Header const& pasted, Header const& whole) const;
+
     Header part_, into_;
     Box box_; ///< where the part goes
     Losses counts_;

@@ -65,7 +65,7 @@ void Permute::check() const {
                     "say for example zyx; or ras, where letters are r or l, a or p, s or i");
 }
 
-void Permute::turn_towards_body(Header const& in) {
+Permute::Turn Permute::turn_towards_body(Header const& in) const {
     if (!is_anatomical(frame_of(in)))
         throw Error(ErrorKind::usage, "the volume does not say what the axes of its world mean",
                     "if they are those of DICOM, say so: vkt set --attribute space=LPS");
@@ -74,6 +74,8 @@ void Permute::turn_towards_body(Header const& in) {
     auto const cosine = [&](std::array<int, 3> const& axes, std::size_t k) {
         return direction[static_cast<std::size_t>(axes[k])][world_axis(letters[k])];
     };
+    Turn turn;
+    turn.dims = in.dims;
     std::array<int, 3> axes{0, 1, 2};
     double best = -1;
     do {
@@ -81,87 +83,93 @@ void Permute::turn_towards_body(Header const& in) {
         for (std::size_t k = 0; k < 3; ++k) sum += std::abs(cosine(axes, k));
         if (sum > best + 1e-9) {
             best = sum;
-            axes_ = axes;
+            turn.axes = axes;
         }
     } while (std::next_permutation(axes.begin(), axes.end()));
     for (std::size_t k = 0; k < 3; ++k) {
         char const letter = letters[k];
         bool const falls = letter == 'r' || letter == 'a' || letter == 'i';
-        reversed_[static_cast<std::size_t>(axes_[k])] = (cosine(axes_, k) < 0) != falls;
+        turn.reversed[static_cast<std::size_t>(turn.axes[k])] = (cosine(turn.axes, k) < 0) != falls;
     }
+    return turn;
 }
 
-Index3 Permute::permuted(Index3 v) const { return {v[axes_[0]], v[axes_[1]], v[axes_[2]]}; }
-
-Plan Permute::plan(std::span<Header const> inputs) {
-    Header const& in = inputs[0];
-    dims_ = in.dims;
-    reversed_ = {};
+Permute::Turn Permute::turn_of(Header const& in) const {
     std::string const order = lower_case(order_);
-    if (is_permutation(order))
-        for (std::size_t k = 0; k < 3; ++k) axes_[k] = order[k] - 'x';
-    else
-        turn_towards_body(in);
+    if (!is_permutation(order)) return turn_towards_body(in);
+    Turn turn;
+    turn.dims = in.dims;
+    for (std::size_t k = 0; k < 3; ++k) turn.axes[k] = order[k] - 'x';
+    return turn;
+}
+
+Plan Permute::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
+    Turn const turn = turn_of(in);
+    auto const& [axes, reversed, dims] = turn;
     Plan plan;
     plan.output = in;
-    plan.output.dims = permuted(in.dims);
+    plan.output.dims = turn.permuted(in.dims);
     Geometry geometry = in.geometry;
     std::optional<Part> part = in.part;
     for (int axis = 0; axis < 3; ++axis) {
-        if (!reversed_[static_cast<std::size_t>(axis)]) continue;
+        if (!reversed[static_cast<std::size_t>(axis)]) continue;
         geometry = flipped(geometry, static_cast<Axis>(axis), in.dims[axis]);
         if (part) part->offset[axis] = part->global_dims[axis] - part->offset[axis] - in.dims[axis];
     }
     plan.output.geometry.origin = geometry.origin;
     for (std::size_t k = 0; k < 3; ++k) {
-        plan.output.geometry.spacing[static_cast<int>(k)] = geometry.spacing[axes_[k]];
-        plan.output.geometry.direction[k] = geometry.direction[static_cast<std::size_t>(axes_[k])];
+        plan.output.geometry.spacing[static_cast<int>(k)] = geometry.spacing[axes[k]];
+        plan.output.geometry.direction[k] = geometry.direction[static_cast<std::size_t>(axes[k])];
     }
-    if (part) plan.output.part = {permuted(part->global_dims), permuted(part->offset), permuted(part->halo)};
+    if (part)
+        plan.output.part = {turn.permuted(part->global_dims), turn.permuted(part->offset), turn.permuted(part->halo)};
     if (in.kind == Kind::hierarchical && in.attributes.contains("roi"))
-        plan.output.attributes["roi"] = to_text(target(region_of(in)));
-    bool const reverses = reversed_[0] || reversed_[1] || reversed_[2];
-    if (axes_ == std::array{0, 1, 2} && !reverses) plan.shift = Index3{};
-    bool const in_order = axes_[2] == 2 && !reversed_[2];
+        plan.output.attributes["roi"] = to_text(turn.target(region_of(in)));
+    bool const reverses = reversed[0] || reversed[1] || reversed[2];
+    if (axes == std::array{0, 1, 2} && !reverses) plan.shift = Index3{};
+    bool const in_order = axes[2] == 2 && !reversed[2];
     if (!in_order) plan.access = Access::random;
     // Slices of the result that are made of columns take whole cache lines of the input.
-    if (axes_[2] == 0) plan.slab_hint = static_cast<std::int64_t>(128 / size_of(in.dtype));
+    if (axes[2] == 0) plan.slab_hint = static_cast<std::int64_t>(128 / size_of(in.dtype));
     plan.method = "permuting copy";
     plan.passing = ErrorPassing::moved(values_of(in));
     plan.cost = 0;
     return plan;
 }
 
-Box Permute::source(Box const& output) const {
+void Permute::begin(std::span<Header const> inputs, Plan const&) { turn_ = turn_of(inputs[0]); }
+
+Box Permute::Turn::source(Box const& output) const {
     Box box;
     for (std::size_t k = 0; k < 3; ++k) {
-        int const axis = axes_[k], own = static_cast<int>(k);
-        bool const back = reversed_[static_cast<std::size_t>(axis)];
-        box.lower[axis] = back ? dims_[axis] - output.upper[own] : output.lower[own];
-        box.upper[axis] = back ? dims_[axis] - output.lower[own] : output.upper[own];
+        int const axis = axes[k], own = static_cast<int>(k);
+        bool const back = reversed[static_cast<std::size_t>(axis)];
+        box.lower[axis] = back ? dims[axis] - output.upper[own] : output.lower[own];
+        box.upper[axis] = back ? dims[axis] - output.lower[own] : output.upper[own];
     }
     return box;
 }
 
-Box Permute::target(Box const& input) const {
+Box Permute::Turn::target(Box const& input) const {
     Box box = input;
     for (int axis = 0; axis < 3; ++axis) {
-        if (!reversed_[static_cast<std::size_t>(axis)]) continue;
-        box.lower[axis] = dims_[axis] - input.upper[axis];
-        box.upper[axis] = dims_[axis] - input.lower[axis];
+        if (!reversed[static_cast<std::size_t>(axis)]) continue;
+        box.lower[axis] = dims[axis] - input.upper[axis];
+        box.upper[axis] = dims[axis] - input.lower[axis];
     }
     return {permuted(box.lower), permuted(box.upper)};
 }
 
-Box Permute::footprint(Box const& output, int) const { return source(output); }
+Box Permute::footprint(Box const& output, int) const { return turn_.source(output); }
 
 std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution const& execution) {
     Header header = plan({&input.header(), 1}).output;
     for (int axis = 0; axis < 3; ++axis)
-        if (reversed_[static_cast<std::size_t>(axis)])
+        if (turn_.reversed[static_cast<std::size_t>(axis)])
             input = flip_tree(std::move(input), static_cast<Axis>(axis), execution);
     std::vector<Brick> bricks = input.bricks().list();
-    for (Brick& brick : bricks) brick = {permuted(brick.lower), permuted(brick.dims), brick.level};
+    for (Brick& brick : bricks) brick = {turn_.permuted(brick.lower), turn_.permuted(brick.dims), brick.level};
     std::size_t const group = input.group_bytes();
     BrickOrder const order = input.order();
     auto const source = std::make_shared<BrickSequence>(std::move(input));
@@ -173,7 +181,7 @@ std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution
             for (std::size_t b = first; b < first + count; ++b) {
                 Brick const& brick = source->bricks()[b];
                 permute_box(dense_view(from, type, box_of(brick.dims)),
-                            dense_view(to, type, box_of(permuted(brick.dims))), axes_, {}, execution);
+                            dense_view(to, type, box_of(turn_.permuted(brick.dims))), turn_.axes, {}, execution);
                 from += static_cast<std::size_t>(brick.cells()) * size_of(type);
                 to += static_cast<std::size_t>(brick.cells()) * size_of(type);
             }
@@ -184,7 +192,8 @@ std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution
 }
 
 void Permute::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    permute_box(inputs[0].part(source(out.box)), out, axes_, {reversed_[0], reversed_[1], reversed_[2]}, execution);
+    permute_box(inputs[0].part(turn_.source(out.box)), out, turn_.axes,
+                {turn_.reversed[0], turn_.reversed[1], turn_.reversed[2]}, execution);
 }
 
 } // namespace vkt

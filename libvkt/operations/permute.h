@@ -24,23 +24,30 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     /// Throws Error{usage} if the volume must be turned and does not say what its world's axes mean.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
 
 private:
-    void turn_towards_body(Header const& in);
-    Index3 permuted(Index3 v) const;
-    /// The box of the input that an output box is made of, or of a tree's input, what becomes of it.
-    Box source(Box const& output) const;
-    Box target(Box const& input) const;
+    /// What becomes of the axes.
+    struct Turn {
+        std::array<int, 3> axes{0, 1, 2}; ///< axis k of the result is axis axes[k] of the input
+        std::array<bool, 3> reversed{};   ///< by axes of the input
+        Index3 dims;                      ///< of the input
+
+        Index3 permuted(Index3 v) const { return {v[axes[0]], v[axes[1]], v[axes[2]]}; }
+        /// The box of the input that an output box is made of, or of a tree's input, what becomes of it.
+        Box source(Box const& output) const;
+        Box target(Box const& input) const;
+    };
+    Turn turn_of(Header const& in) const;
+    Turn turn_towards_body(Header const& in) const;
 
     std::string order_;
-    std::array<int, 3> axes_{0, 1, 2}; ///< axis k of the result is axis axes_[k] of the input
-    std::array<bool, 3> reversed_{};   ///< by axes of the input
-    Index3 dims_;                      ///< of the input
+    Turn turn_;
 };
 
 } // namespace vkt

@@ -31,16 +31,20 @@ void Project::parameters(Parameters& parameters) {
     parameters.option("roi", roi, "REGION", "project only the voxels of this region");
 }
 
-Plan Project::plan(std::span<Header const> inputs) {
+ProjectionState Project::state_for(Header const& in) const {
+    Projection stored = kind;
+    if (in.values.slope < 0 && kind == Projection::max) stored = Projection::min;
+    if (in.values.slope < 0 && kind == Projection::min) stored = Projection::max;
+    return ProjectionState(stored, in.dtype, static_cast<int>(axis), roi.resolve(in.dims).dims());
+}
+
+Plan Project::plan(std::span<Header const> inputs) const {
     Header in = inputs[0];
-    region_ = roi.resolve(in.dims);
-    in.dims = region_.dims();
-    in.geometry = cropped(in.geometry, region_.lower);
+    Box const region = roi.resolve(in.dims);
+    in.dims = region.dims();
+    in.geometry = cropped(in.geometry, region.lower);
     int const along = static_cast<int>(axis);
-    dims_ = in.dims;
-    type_ = in.dtype;
-    nan_ = 0;
-    counts_ = {};
+    DataType const type = in.dtype;
     Header flat = in;
     flat.dims[along] = 1;
     flat.geometry = rescaled(in.geometry, in.dims, flat.dims);
@@ -49,26 +53,22 @@ Plan Project::plan(std::span<Header const> inputs) {
     plan.output = with_axes(flat, axes_without(along));
     Header& out = plan.output;
     auto const n = static_cast<double>(in.dims[along]);
-    bool const wide = type_ == DataType::float64 || (is_integer(type_) && size_of(type_) >= 4);
-    Projection stored = kind; // of stored values
+    bool const wide = type == DataType::float64 || (is_integer(type) && size_of(type) >= 4);
     plan.error.kind = ErrorBound::Kind::estimate;
     switch (kind) {
     case Projection::max:
     case Projection::min:
-        if (in.values.slope < 0) stored = kind == Projection::max ? Projection::min : Projection::max;
-        plan.error = {};
-        break;
     case Projection::median:
         plan.error = {};
         break;
     case Projection::mean:
         out.dtype = wide ? DataType::float64 : DataType::float32;
-        plan.error.magnitude = (is_integer(type_) ? 2 : n + 2) * 0x1p-53 + storing_error(out.dtype);
+        plan.error.magnitude = (is_integer(type) ? 2 : n + 2) * 0x1p-53 + storing_error(out.dtype);
         break;
     case Projection::sum:
-        out.dtype = !is_integer(type_) ? DataType::float64 : is_signed(type_) ? DataType::int64 : DataType::uint64;
+        out.dtype = !is_integer(type) ? DataType::float64 : is_signed(type) ? DataType::int64 : DataType::uint64;
         if (!(in.values == ValueMap{})) out.values.intercept *= n;
-        if (is_integer(type_))
+        if (is_integer(type))
             plan.error = {};
         else
             plan.error.magnitude = n * n * 0x1p-53;
@@ -83,22 +83,31 @@ Plan Project::plan(std::span<Header const> inputs) {
     bool const picks = kind == Projection::max || kind == Projection::min || kind == Projection::median;
     plan.passing = picks ? ErrorPassing::moved(values) : ErrorPassing::averaged(1, values);
     // The two middle ones of an even number are averaged; of floats numbers alone count, and who knows how many.
-    if (kind == Projection::median && (in.dims[along] % 2 == 0 || !is_integer(type_)))
+    if (kind == Projection::median && (in.dims[along] % 2 == 0 || !is_integer(type)))
         plan.passing.storing = ErrorPassing::Storing::computes;
     if (kind == Projection::std) // as a function of n values it changes by no more than the largest of their changes
         plan.passing = ErrorPassing::computed(std::sqrt(n / std::max(1.0, n - 1)),
                                               values ? std::optional(ValueInterval{0, values->width()}) : std::nullopt);
     if (kind == Projection::sum) {
         plan.passing = ErrorPassing::summed(n, values);
-        if (is_integer(type_)) plan.passing.storing = ErrorPassing::Storing::whole;
+        if (is_integer(type)) plan.passing.storing = ErrorPassing::Storing::whole;
     }
     bool const sorts = kind == Projection::median;
     plan.method = sorts ? "sorted lines" : "one pass, an accumulator a pixel";
     plan.scans = !sorts;
     plan.cost = sorts ? n * 8 : n;
-    if (!sorts) state_ = ProjectionState(stored, type_, along, in.dims);
-    plan.state_bytes = sorts ? 0 : state_.bytes();
+    plan.state_bytes = sorts ? 0 : state_for(inputs[0]).bytes();
     return plan;
+}
+
+void Project::begin(std::span<Header const> inputs, Plan const&) {
+    Header const& in = inputs[0];
+    region_ = roi.resolve(in.dims);
+    dims_ = region_.dims();
+    type_ = in.dtype;
+    state_ = state_for(in);
+    nan_ = 0;
+    counts_ = {};
 }
 
 Box Project::footprint(Box const& output, int) const {

@@ -34,7 +34,8 @@ public:
     Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     /// Empty but for medians: all else has been seen by then.
     Box footprint(Box const& output, int input) const override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
@@ -49,6 +50,9 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    /// Accumulators of what was asked for, in stored values; nothing was added yet.
+    ProjectionState state_for(Header const& in) const;
+
     Box region_;
     Index3 dims_; ///< of the region
     DataType type_ = DataType::uint8;

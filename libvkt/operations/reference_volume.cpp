@@ -8,14 +8,22 @@
 
 namespace vkt {
 
+namespace {
+
+Header first_header(Source& opened, std::string const& file) {
+    if (!opened.next_volume()) throw Error(ErrorKind::data, text("--like: ", file, " holds no volume"));
+    return opened.header();
+}
+
+} // namespace
+
 Header const& ReferenceVolume::header() const {
-    if (!header_) take(*open_volume(open_bytes(file), {}));
-    return *header_;
+    return header_.of(file,
+                      [](std::string const& path) { return first_header(*open_volume(open_bytes(path), {}), path); });
 }
 
 void ReferenceVolume::take(Source& opened) const {
-    if (!opened.next_volume()) throw Error(ErrorKind::data, text("--like: ", file, " holds no volume"));
-    header_ = opened.header();
+    header_.of(file, [&](std::string const& path) { return first_header(opened, path); });
 }
 
 } // namespace vkt

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/read_once.h"
 #include "libvkt/engine/source.h"
 
-#include <optional>
 #include <string>
 
 namespace vkt {
@@ -21,7 +21,7 @@ public:
     Header const& header() const;
 
 private:
-    mutable std::optional<Header> header_;
+    ReadOnce<Header> header_;
 };
 
 } // namespace vkt

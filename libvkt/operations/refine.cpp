@@ -185,18 +185,13 @@ std::vector<Knob> Refine::knobs() const {
     return {knob};
 }
 
-Plan Refine::plan(std::span<Header const> inputs) {
-    input_ = inputs.front();
-    found_.clear();
-    noise_ = 0;
-    if (input_.kind == Kind::hierarchical)
+Plan Refine::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    if (in.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "the volume is hierarchical already", "make it a grid first: vkt resample");
-    if (metric == RefineMetric::transfer && !function_) { // once: a pipe gives it to the first who asks
-        function_ = std::make_shared<render::TransferFunction>(transfer_of(transfer));
-        function_->check_and_sort();
-    }
+    if (metric == RefineMetric::transfer) static_cast<void>(function()); // or it is refused
     Plan plan;
-    plan.output = input_;
+    plan.output = in;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
     plan.output.level_count = 1;
     plan.method = text("blocks of ",
@@ -215,11 +210,24 @@ Plan Refine::plan(std::span<Header const> inputs) {
     else if (tolerance.noise)
         plan.passing.because = "all voxels are read before the noise is known";
     else
-        plan.passing = ErrorPassing::averaged(1, values_of(input_));
+        plan.passing = ErrorPassing::averaged(1, values_of(in));
     plan.cost = block.best ? 1500 : 500;
-    plan.state_bytes =
-        input_.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(input_.voxels() / 7) * sizeof(double);
+    plan.state_bytes = in.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(in.voxels() / 7) * sizeof(double);
     return plan;
+}
+
+void Refine::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs.front();
+    used_ = noise_ = error_ = 0;
+    found_.clear();
+}
+
+render::TransferFunction const& Refine::function() const {
+    return *function_.of(transfer, [](std::string const& words) {
+        auto const function = std::make_shared<render::TransferFunction>(transfer_of(words));
+        function->check_and_sort();
+        return std::shared_ptr<render::TransferFunction const>(function);
+    });
 }
 
 /// Of the block sizes that are asked for the one that takes the fewest bytes.
@@ -237,7 +245,7 @@ Volume Refine::best(Volume const& volume, RefineOptions options, Execution const
     return *std::move(smallest);
 }
 
-bool Refine::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+std::optional<Volume> Refine::take_whole(Volume input, Execution const& execution) {
     used_ = tolerance.value;
     if (tolerance.noise) {
         noise_ = noise_level(input) * std::abs(input.header().values.slope);
@@ -246,7 +254,7 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
     Volume stored = input;
     double left = used_;
     if (dtype) {
-        ErrorInMetric const error = metric == RefineMetric::transfer   ? error_of_levels(scale_of(*function_, {}))
+        ErrorInMetric const error = metric == RefineMetric::transfer   ? error_of_levels(scale_of(function(), {}))
                                     : metric == RefineMetric::gradient ? error_of_gradient(input.header())
                                                                        : error_of_values();
         Convert convert;
@@ -265,13 +273,13 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
     options.method = method;
     options.tolerance = left;
     if (metric == RefineMetric::transfer) {
-        options.scale = scale_of(*function_, values);
+        options.scale = scale_of(function(), values);
     } else {
         options.tolerance /= std::abs(values.slope);
     }
     if (metric == RefineMetric::gradient) options.gradient_spacing = input.header().geometry.spacing;
     if (background) options.background = values.stored(*background);
-    output = best(stored, options, execution);
+    Volume output = best(stored, options, execution);
     error_ = used_;
     if (tolerance.noise || dtype || block.best || block.mixed) {
         double const before = static_cast<double>(input.header().bytes()), now = static_cast<double>(bytes_of(output));
@@ -281,7 +289,7 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
                       bytes_text(now), " with their places instead of ", bytes_text(before), ", ",
                       std::round(10 * before / now) / 10, " times as small");
     }
-    return true;
+    return output;
 }
 
 void Refine::after_scan(Plan& plan) const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/amr/refine.h"
+#include "libvkt/core/read_once.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/convert.h"
@@ -72,17 +73,19 @@ public:
     void parameters(Parameters& p) override;
     void check() const override;
     std::vector<Knob> knobs() const override;
-    Plan plan(std::span<Header const> inputs) override;
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
+    std::optional<Volume> take_whole(Volume input, Execution const& execution) override;
     void after_scan(Plan& plan) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 
 private:
     Volume best(Volume const& volume, RefineOptions options, Execution const& execution) const;
+    render::TransferFunction const& function() const;
 
     Header input_;
-    std::shared_ptr<render::TransferFunction> function_;
+    ReadOnce<std::shared_ptr<render::TransferFunction const>> function_;
     double used_ = 0;   ///< the tolerance, a physical value, once it is known
     double noise_ = 0;  ///< that was found, a physical value
     double error_ = 0;  ///< |physical value - reconstruction| is at most this, for the metric of values

@@ -88,7 +88,8 @@ std::vector<Knob> Resample::knobs() const {
     if (tolerance) return {InterpolationChoice::knob(), type_knob()};
     // Where an axis shrinks a voxel stands for all that it covers; elsewhere the smoothest interpolant is the best
     // guess.
-    bool const shrinks = to_.x < from_.x || to_.y < from_.y || to_.z < from_.z;
+    Index3 const from = layout_.from, to = layout_.to;
+    bool const shrinks = to.x < from.x || to.y < from.y || to.z < from.z;
     return {{"method",
              {"nearest", "linear", "area", "cubic", "lanczos3", "bspline3", "bspline5"},
              shrinks ? "area" : "bspline5",
@@ -229,12 +230,10 @@ Index3 Resample::target_dims(Header const& input, Vec3 extent) const {
     return result;
 }
 
-ResampleMethod Resample::used() const { return chosen_ ? *chosen_ : method.value_or(ResampleMethod::automatic); }
-
-ResampleKernel Resample::kernel_of(std::int64_t n_in, std::int64_t n_out) const {
-    double const width = static_cast<double>(n_in) / static_cast<double>(n_out);
+ResampleKernel Resample::kernel_of(Layout const& layout, int axis) const {
+    double const width = static_cast<double>(layout.from[axis]) / static_cast<double>(layout.to[axis]);
     // An estimate says what lies between voxels, not what several of them amount to.
-    return kernel_for(chosen_ && width > 1 ? ResampleMethod::automatic : used(), width);
+    return kernel_for(layout.chosen && width > 1 ? ResampleMethod::automatic : used(layout), width);
 }
 
 /// The grid of --like, as its own header has it.
@@ -248,148 +247,189 @@ void Resample::take_grid(Header const& input, Header& output) const {
 }
 
 /// `moves`: no value is interpolated.
-void Resample::choose_header(Header const& input, bool moves, Header& output) {
+void Resample::choose_header(Header const& input, bool moves, Layout& layout) const {
+    Header& output = layout.output;
     output = input;
-    output.dims = to_;
-    output.geometry = rescaled(input.geometry, from_, to_);
-    if (!(from_ == to_)) output.part.reset();
+    output.dims = layout.to;
+    output.geometry = rescaled(input.geometry, layout.from, layout.to);
+    if (!(layout.from == layout.to)) output.part.reset();
     if (!like_.file.empty()) take_grid(input, output);
-    if (region_map_) {
+    if (auto const& map = layout.region_map) {
         output.part.reset();
         output.geometry = input.geometry;
-        output.geometry.origin = index_to_world(input.geometry, region_map_->offset);
-        for (int a = 0; a < 3; ++a) output.geometry.spacing[a] *= region_map_->column[static_cast<std::size_t>(a)][a];
+        output.geometry.origin = index_to_world(input.geometry, map->offset);
+        for (int a = 0; a < 3; ++a) output.geometry.spacing[a] *= map->column[static_cast<std::size_t>(a)][a];
     }
     if (dist) output.geometry.spacing = *dist;
-    bool const lobes = !tolerance && has_lobes(used()) && !moves;
+    bool const lobes = !tolerance && has_lobes(used(layout)) && !moves;
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
         output.dtype = size_of(input.dtype) <= 2 ? DataType::float32 : DataType::float64;
     if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
         output.dtype = type_of_bytes(*bytes_per_voxel);
     if (dtype) output.dtype = *dtype;
-    scale_value_ = 1;
-    offset_value_ = 0;
-    if (!voxel_mapping) return;
-    output.values = value_map_of(*voxel_mapping, output.dtype);
+    if (voxel_mapping) output.values = value_map_of(*voxel_mapping, output.dtype);
+    checked(output);
     if (output.values == input.values) return;
-    scale_value_ = input.values.slope / output.values.slope;
-    offset_value_ = (input.values.intercept - output.values.intercept) / output.values.slope;
+    layout.scale_value = input.values.slope / output.values.slope;
+    layout.offset_value = (input.values.intercept - output.values.intercept) / output.values.slope;
 }
 
-Plan Resample::plan(std::span<Header const> inputs) {
+Plan Resample::plan(std::span<Header const> inputs) const {
     Header const& input = inputs.front();
-    reconstructor_.reset();
-    choice_.reset();
-    chosen_.reset();
-    preparation_ = nullptr;
-    from_tree_ = input.kind == Kind::hierarchical;
-    if (from_tree_) return plan_tree(input);
-    refuse_tree_options();
-    if (!tolerance) return planned(input);
-    // Of what may be chosen the last one looks furthest.
-    input_ = input;
-    chosen_ = InterpolationChoice::candidates.back();
-    Plan plan = planned(input);
-    bool const moves =
-        plan.passing.storing == ErrorPassing::Storing::moves || plan.passing.storing == ErrorPassing::Storing::converts;
-    if (moves) return plan;
-    Placement const placement = onto_ ? onto_->placement() : place(plan.output.geometry, to_, input.geometry);
-    coarser_ = placement.coarser();
-    std::array<bool, 3> axes = placement.between();
-    for (int a = 0; a < 3 && !onto_; ++a) axes[static_cast<std::size_t>(a)] = to_[a] > from_[a];
-    if (std::ranges::none_of(axes, [](bool between) { return between; })) { // averages and copies alone
-        chosen_ = ResampleMethod::automatic;
-        return planned(input);
-    }
-    choice_.emplace(input, box_of(input.dims), axes);
-    choice_->announce(*tolerance, plan);
+    if (input.kind == Kind::hierarchical) return plan_tree(input);
+    Beginning const first = beginning(input);
+    Plan plan = plan_of(input, first.layout);
+    if (first.choice) first.choice->announce(*tolerance, plan);
     return plan;
+}
+
+void Resample::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs.front();
+    counts_ = {};
+    reconstructor_.reset();
+    values_.reset();
+    layout_ = {};
+    choice_.reset();
+    preparation_ = nullptr;
+    from_tree_ = input_.kind == Kind::hierarchical;
+    if (from_tree_) return begin_tree(input_);
+    Beginning first = beginning(input_);
+    layout_ = std::move(first.layout);
+    choice_ = std::move(first.choice);
+    coarser_ = first.coarser;
+    if (layout_.onto) preparation_ = layout_.onto->take_coefficients();
+}
+
+Resample::Beginning Resample::beginning(Header const& input) const {
+    refuse_tree_options();
+    Beginning first;
+    if (!tolerance) {
+        first.layout = layout_for(input, {});
+        return first;
+    }
+    // Of what may be chosen the last one looks furthest.
+    Layout& layout = first.layout = layout_for(input, InterpolationChoice::candidates.back());
+    ErrorPassing::Storing const storing = plan_of(input, layout).passing.storing;
+    if (storing == ErrorPassing::Storing::moves || storing == ErrorPassing::Storing::converts) return first;
+    Placement const placement =
+        layout.onto ? layout.onto->placement() : place(layout.output.geometry, layout.to, input.geometry);
+    first.coarser = placement.coarser();
+    std::array<bool, 3> axes = placement.between();
+    for (int a = 0; a < 3 && !layout.onto; ++a) axes[static_cast<std::size_t>(a)] = layout.to[a] > layout.from[a];
+    if (std::ranges::none_of(axes, [](bool between) { return between; })) // averages and copies alone
+        layout = layout_for(input, ResampleMethod::automatic);
+    else
+        first.choice.emplace(input, box_of(input.dims), axes);
+    return first;
 }
 
 void Resample::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
 
 void Resample::scan_end() {
-    chosen_ = choice_->choose(*tolerance, coarser_);
-    plan_of_chosen_ = planned(input_);
+    layout_ = layout_for(input_, choice_->choose(*tolerance, coarser_));
+    plan_of_chosen_ = plan_of(input_, layout_);
 }
 
 void Resample::after_scan(Plan& plan) const {
     if (choice_) choice_->settle(plan_of_chosen_, plan);
 }
 
-/// A structured volume, by the method that is used.
-Plan Resample::planned(Header const& input) {
-    onto_.reset();
-    region_map_.reset();
+/// `chosen`: instead of the method.
+Resample::Layout Resample::layout_for(Header const& input, std::optional<ResampleMethod> chosen) const {
     if (!scale && !dims && !spacing && like_.file.empty() && !cells && !changes_values() && roi.empty())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
-    Plan plan;
-    from_ = input.dims;
-    counts_ = {};
-    if (!roi.empty()) return plan_region(input);
-    to_ = target_dims(input);
-    if (!like_.file.empty()) {
-        Header const& like = like_.header();
-        Geometry const grid = geometry_beside(input, like);
-        bool const same = to_ == from_ && same_geometry(grid, input.geometry);
-        Placement const placement = place(grid, to_, input.geometry);
-        if (!same && !placement.keeps_extent(from_, to_)) return plan_onto(input, placement);
+    Layout layout;
+    layout.chosen = chosen;
+    layout.from = input.dims;
+    if (!roi.empty()) {
+        lay_region(input, layout);
+        return layout;
     }
-    choose_header(input, from_ == to_, plan.output);
-    checked(plan.output);
-    out_type_ = plan.output.dtype;
+    layout.to = target_dims(input);
+    if (!like_.file.empty()) {
+        Geometry const grid = geometry_beside(input, like_.header());
+        bool const same = layout.to == layout.from && same_geometry(grid, input.geometry);
+        Placement const placement = place(grid, layout.to, input.geometry);
+        if (!same && !placement.keeps_extent(layout.from, layout.to)) {
+            lay_onto(input, placement, layout);
+            return layout;
+        }
+    }
+    lay_tables(input, layout);
+    return layout;
+}
 
+/// Every axis on its own.
+void Resample::lay_tables(Header const& input, Layout& layout) const {
+    choose_header(input, layout.from == layout.to, layout);
     BoundaryRule const rule = boundary.value_or(BoundaryRule{});
-    plan.boundary = rule.boundary;
-    plan.border_value = border_ = rule.boundary == Boundary::border ? input.values.stored(rule.value) : 0;
+    layout.border = rule.boundary == Boundary::border ? input.values.stored(rule.value) : 0;
     Index3 halving{};
     bool all_nearest = true;
     for (int axis = 0; axis < 3; ++axis) {
-        WeightTable& table = tables_[static_cast<std::size_t>(axis)];
-        table = WeightTable(from_[axis], to_[axis], kernel_of(from_[axis], to_[axis]), rule.boundary);
+        WeightTable& table = layout.tables[static_cast<std::size_t>(axis)];
+        table = WeightTable(layout.from[axis], layout.to[axis], kernel_of(layout, axis), rule.boundary);
         halving[axis] = table.halving();
         all_nearest =
             all_nearest && (table.kernel() == ResampleKernel::nearest || table.kernel() == ResampleKernel::identity);
-        plan.state_bytes += table.bytes();
     }
-    bool const same_map = scale_value_ == 1 && offset_value_ == 0, same_values = same_map && out_type_ == input.dtype;
-    algorithm_ = Algorithm::weighted;
-    if (same_values && from_ == to_)
-        algorithm_ = Algorithm::copy;
-    else if (same_map && from_ == to_)
-        algorithm_ = Algorithm::convert;
+    bool const same_size = layout.from == layout.to;
+    bool const same_values = layout.same_map() && layout.output.dtype == input.dtype;
+    layout.algorithm = Algorithm::weighted;
+    if (same_values && same_size)
+        layout.algorithm = Algorithm::copy;
+    else if (layout.same_map() && same_size)
+        layout.algorithm = Algorithm::convert;
     else if (same_values && all_nearest)
-        algorithm_ = Algorithm::nearest;
+        layout.algorithm = Algorithm::nearest;
     else if (same_values && halving.x * halving.y * halving.z > 1)
-        algorithm_ = Algorithm::halving;
-    else if (same_values && sums_in_integers(input.dtype))
-        algorithm_ = Algorithm::whole;
-    if (algorithm_ == Algorithm::copy) plan.shift = Index3{};
-    plan.method = describe();
-    plan.error = error_of(input, plan.output);
+        layout.algorithm = Algorithm::halving;
+    else if (same_values && sums_in_integers(input.dtype, layout))
+        layout.algorithm = Algorithm::whole;
+}
+
+Plan Resample::plan_of(Header const& input, Layout const& layout) const {
+    Plan plan;
+    plan.output = layout.output;
+    if (layout.onto) {
+        layout.onto->describe(plan);
+        layout.onto->pass(input, plan);
+        return plan;
+    }
+    auto const& tables = layout.tables;
+    Algorithm const algorithm = layout.algorithm;
+    plan.boundary = boundary.value_or(BoundaryRule{}).boundary;
+    plan.border_value = layout.border;
+    for (WeightTable const& table : tables) plan.state_bytes += table.bytes();
+    if (algorithm == Algorithm::copy) plan.shift = Index3{};
+    plan.method = describe(layout);
+    plan.error = error_of(input, layout);
     plan.passing =
-        ErrorPassing::averaged(tables_[0].gain() * tables_[1].gain() * tables_[2].gain(), values_read(input, plan));
-    if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::nearest)
+        ErrorPassing::averaged(tables[0].gain() * tables[1].gain() * tables[2].gain(), values_read(input, plan));
+    if (algorithm == Algorithm::copy || algorithm == Algorithm::nearest)
         plan.passing.storing = ErrorPassing::Storing::moves;
-    if (algorithm_ == Algorithm::convert) plan.passing.storing = ErrorPassing::Storing::converts;
-    plan.cost = algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest
-                    ? 0
-                    : multiply_adds(tables_, static_cast<double>(from_.x) / static_cast<double>(to_.x));
+    if (algorithm == Algorithm::convert) plan.passing.storing = ErrorPassing::Storing::converts;
+    bool const moves =
+        algorithm == Algorithm::copy || algorithm == Algorithm::convert || algorithm == Algorithm::nearest;
+    plan.cost =
+        moves ? 0 : multiply_adds(tables, static_cast<double>(layout.from.x) / static_cast<double>(layout.to.x));
     return plan;
 }
 
 /// Of the arithmetic only: how well an interpolant represents what was sampled depends on the data.
-ErrorBound Resample::error_of(Header const& input, Header const& output) const {
+ErrorBound Resample::error_of(Header const& input, Layout const& layout) const {
+    Header const& output = layout.output;
+    auto const& tables = layout.tables;
+    Algorithm const algorithm = layout.algorithm;
     ErrorBound error;
-    bool const same_map = scale_value_ == 1 && offset_value_ == 0;
-    if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest ||
-        algorithm_ == Algorithm::whole)
+    if (algorithm == Algorithm::copy || algorithm == Algorithm::convert || algorithm == Algorithm::nearest ||
+        algorithm == Algorithm::whole)
         return error;
-    if (algorithm_ == Algorithm::halving && is_integer(input.dtype)) return error;
-    if (algorithm_ == Algorithm::weighted && same_map && sums_exactly(input.dtype)) return error;
+    if (algorithm == Algorithm::halving && is_integer(input.dtype)) return error;
+    if (algorithm == Algorithm::weighted && layout.same_map() && sums_exactly(input.dtype, layout)) return error;
     error.kind = ErrorBound::Kind::bound;
     double const slope = std::abs(input.values.slope);
-    if (algorithm_ == Algorithm::halving) { // three additions, in float32 for float16
+    if (algorithm == Algorithm::halving) { // three additions, in float32 for float16
         bool const half = input.dtype == DataType::float16;
         DataType const sums = half ? DataType::float32 : input.dtype;
         error.magnitude = 3 * storing_error(sums) + (half ? storing_error(input.dtype) : 0);
@@ -398,19 +438,19 @@ ErrorBound Resample::error_of(Header const& input, Header const& output) const {
     }
     // A product and an addition for each row and each column, and a dozen roundings of weights, divisors, 64-bit
     // integers, the border's part and the quotient.
-    auto const rows = static_cast<double>(tables_[1].most_taps() * tables_[2].most_taps());
-    auto const columns = static_cast<double>(tables_[0].most_taps());
-    double const gain = tables_[0].gain() * tables_[1].gain() * tables_[2].gain();
+    auto const rows = static_cast<double>(tables[1].most_taps() * tables[2].most_taps());
+    auto const columns = static_cast<double>(tables[0].most_taps());
+    double const gain = tables[0].gain() * tables[1].gain() * tables[2].gain();
     error.magnitude = gain * ((rows + columns + 12) * 0x1p-53 + storing_error(output.dtype));
-    error.absolute = slope * rows * columns * tables_[0].divisor() * 0x1p-1070 +
+    error.absolute = slope * rows * columns * tables[0].divisor() * 0x1p-1070 +
                      std::abs(output.values.slope) * storing_floor(output.dtype);
-    if (!same_map) {
+    if (!layout.same_map()) {
         error.magnitude += gain * 4 * 0x1p-53;
         error.absolute += (4 * 0x1p-53 + storing_error(output.dtype)) *
                           (std::abs(input.values.intercept) + std::abs(output.values.intercept));
     }
-    bool const border = tables_[0].leaves_out() || tables_[1].leaves_out() || tables_[2].leaves_out();
-    error.limit(input.dtype, slope, border ? std::optional(border_) : std::nullopt);
+    bool const border = tables[0].leaves_out() || tables[1].leaves_out() || tables[2].leaves_out();
+    error.limit(input.dtype, slope, border ? std::optional(layout.border) : std::nullopt);
     return error;
 }
 
@@ -421,63 +461,59 @@ double Resample::background_in(Header const& volume) const {
     double const stored = named.value_or(volume.values.stored(0));
     bool const fits =
         !is_integer(volume.dtype) || (stored >= lowest_of(volume.dtype) && stored <= highest_of(volume.dtype));
-    if (!fits && (named || !from_tree_))
+    bool const tree = volume.kind == Kind::hierarchical;
+    if (!fits && (named || !tree))
         throw Error(ErrorKind::usage,
                     text("the background ", volume.values.physical(stored), " cannot be stored in ", volume.dtype),
-                    from_tree_ ? "choose another --background" : "choose another --background, or a type with --dtype");
+                    tree ? "choose another --background" : "choose another --background, or a type with --dtype");
     return stored;
 }
 
 /// The outer faces of the result are the ends of the region.
-Plan Resample::plan_region(Header const& input) {
+void Resample::lay_region(Header const& input, Layout& layout) const {
     FineRegion const region = resolve_fine(roi, input.dims);
     Vec3 const extent = region.upper - region.lower;
     Header part = input;
     for (int a = 0; a < 3; ++a) part.dims[a] = rounded_extent(extent[a]);
-    to_ = target_dims(part, extent);
-    region_map_.emplace();
+    layout.to = target_dims(part, extent);
+    Affine& map = layout.region_map.emplace();
     for (int a = 0; a < 3; ++a) {
-        double const width = extent[a] / static_cast<double>(to_[a]);
-        region_map_->column[static_cast<std::size_t>(a)][a] = width;
-        region_map_->offset[a] = region.lower[a] + 0.5 * (width - 1);
+        double const width = extent[a] / static_cast<double>(layout.to[a]);
+        map.column[static_cast<std::size_t>(a)][a] = width;
+        map.offset[a] = region.lower[a] + 0.5 * (width - 1);
     }
-    return plan_onto(input, place(*region_map_, to_));
+    lay_onto(input, place(map, layout.to), layout);
 }
 
-Plan Resample::plan_onto(Header const& input, Placement const& placement) {
-    Plan plan;
-    choose_header(input, placement.whole(), plan.output);
-    checked(plan.output);
-    out_type_ = plan.output.dtype;
-    OntoValues values{input.dtype, out_type_, scale_value_, offset_value_};
+void Resample::lay_onto(Header const& input, Placement const& placement, Layout& layout) const {
+    choose_header(input, placement.whole(), layout);
+    OntoValues values{input.dtype, layout.output.dtype, layout.scale_value, layout.offset_value};
     if (boundary)
         values.border = input.values.stored(boundary->value);
     else
-        values.background = background_in(plan.output);
-    onto_.emplace(placement, from_, to_, used(), boundary, values);
-    preparation_ = onto_->take_coefficients();
-    onto_->describe(plan);
-    onto_->pass(input, plan);
-    return plan;
+        values.background = background_in(layout.output);
+    layout.onto.emplace(placement, layout.from, layout.to, used(layout), boundary, values);
 }
 
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
 /// distance of a quotient from a tie, is beyond double.
-bool Resample::sums_exactly(DataType input) const {
-    if (!is_integer(input) || has_lobes(used())) return false;
-    double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
-    bool const rounds_once = is_integer(out_type_) || out_type_ == DataType::float64;
-    double const largest = std::max(std::exp2(8 * static_cast<double>(size_of(input))), std::abs(border_));
-    return rounds_once && border_ == std::rint(border_) && largest * divisor <= 0x1p52;
+bool Resample::sums_exactly(DataType input, Layout const& layout) const {
+    if (!is_integer(input) || has_lobes(used(layout))) return false;
+    auto const& tables = layout.tables;
+    double const divisor = tables[0].divisor() * tables[1].divisor() * tables[2].divisor(), border = layout.border;
+    bool const rounds_once = is_integer(layout.output.dtype) || layout.output.dtype == DataType::float64;
+    double const largest = std::max(std::exp2(8 * static_cast<double>(size_of(input))), std::abs(border));
+    return rounds_once && border == std::rint(border) && largest * divisor <= 0x1p52;
 }
 
 /// True for 64-bit integers, of which double would lose digits, where 128 bits hold every sum of weights times values
 /// and the border is one of the values.
-bool Resample::sums_in_integers(DataType input) const {
-    if (!is_integer(input) || size_of(input) != 8 || has_lobes(used())) return false;
-    double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
-    bool const inside = border_ >= lowest_of(input) && border_ < highest_of(input);
-    return inside && border_ == std::rint(border_) && divisor <= 0x1p62;
+bool Resample::sums_in_integers(DataType input, Layout const& layout) const {
+    if (!is_integer(input) || size_of(input) != 8 || has_lobes(used(layout))) return false;
+    auto const& tables = layout.tables;
+    double const divisor = tables[0].divisor() * tables[1].divisor() * tables[2].divisor(), border = layout.border;
+    bool const inside = border >= lowest_of(input) && border < highest_of(input);
+    return inside && border == std::rint(border) && divisor <= 0x1p62;
 }
 
 void Resample::refuse_tree_options() const {
@@ -549,7 +585,23 @@ SampleGrid Resample::grid_like(Header const& input) const {
     return grid;
 }
 
-Plan Resample::plan_tree(Header const& input) {
+Header Resample::header_on_grid(Header const& input) const {
+    Header header = gridded_header(input, tree_grid(input));
+    if (!like_.file.empty()) take_grid(input, header);
+    return header;
+}
+
+std::unique_ptr<Resample> Resample::value_change() const {
+    if (mask || !changes_values()) return nullptr;
+    auto values = std::make_unique<Resample>();
+    values->dtype = dtype;
+    values->bytes_per_voxel = bytes_per_voxel;
+    values->dist = dist;
+    values->voxel_mapping = voxel_mapping;
+    return values;
+}
+
+Plan Resample::plan_tree(Header const& input) const {
     if (tolerance)
         throw Error(ErrorKind::usage, "--tolerance is for structured volumes, and this one is hierarchical",
                     "use --method basis, average or nearest");
@@ -557,9 +609,7 @@ Plan Resample::plan_tree(Header const& input) {
         throw Error(ErrorKind::usage, "--boundary is for structured volumes, and this one is hierarchical",
                     "say with --background what stands where there is no cell");
     Plan plan;
-    grid_ = tree_grid(input);
-    plan.output = gridded_header(input, grid_);
-    if (!like_.file.empty()) take_grid(input, plan.output);
+    plan.output = header_on_grid(input);
     plan.method = enum_name(reconstruction());
     if (!mask && reconstruction() != Reconstruction::nearest) {
         bool const in_double = is_integer(input.dtype) || input.dtype == DataType::float64;
@@ -569,38 +619,41 @@ Plan Resample::plan_tree(Header const& input) {
     plan.cost = 16;
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
-    stored_background_ = background_in(input);
-    tree_type_ = input.dtype;
-    values_.reset();
+    double const stored_background = background_in(input);
     if (mask) {
         plan.output.dtype = DataType::uint8;
         plan.output.values = {};
         plan.output.units.clear();
-    } else if (changes_values()) { // the grid stays, the values change
-        values_ = std::make_unique<Resample>();
-        values_->dtype = dtype;
-        values_->bytes_per_voxel = bytes_per_voxel;
-        values_->dist = dist;
-        values_->voxel_mapping = voxel_mapping;
+    } else if (auto const values = value_change()) {
         Header const grid_header = plan.output;
-        plan.output = values_->plan({&grid_header, 1}).output;
+        plan.output = values->plan({&grid_header, 1}).output;
         if (!plan.error.exact())
             plan.error.magnitude = std::max(plan.error.magnitude, storing_error(plan.output.dtype));
     }
     // A reconstruction is a definition: its weights are positive and sum to 1.
     auto values = values_read(input, plan);
-    if (values) values = values->with(input.values.physical(stored_background_));
+    if (values) values = values->with(input.values.physical(stored_background));
     plan.passing = mask ? ErrorPassing::moved(ValueInterval{0, 1}) : ErrorPassing::averaged(1, values);
     if (mask) plan.passing.gain = {0};
     checked(plan.output);
     return plan;
 }
 
-void Resample::take_tree(Volume input) {
-    reconstructor_.emplace(std::move(input), grid_, reconstruction(), stored_background_);
+void Resample::begin_tree(Header const& input) {
+    values_ = value_change();
+    Header const grid_header = header_on_grid(input);
+    if (values_) begun(*values_, {&grid_header, 1});
 }
 
-bool Resample::runs_from_tree_on_gpu() const { return !mask && DeviceSampler::computes(reconstruction(), tree_type_); }
+std::optional<Volume> Resample::take_whole(Volume input, Execution const&) {
+    SampleGrid const grid = tree_grid(input_);
+    reconstructor_.emplace(std::move(input), grid, reconstruction(), background_in(input_));
+    return {};
+}
+
+bool Resample::runs_on_gpu() const {
+    return !from_tree_ || (!mask && DeviceSampler::computes(reconstruction(), input_.dtype));
+}
 
 void Resample::reconstruct_tree(AnyView out, Execution const& execution) {
     if (!mask && !values_) return reconstructor_->run(out, execution);
@@ -613,22 +666,23 @@ void Resample::reconstruct_tree(AnyView out, Execution const& execution) {
     values_->run({&from, 1}, out, execution);
 }
 
-std::string Resample::describe() const {
+std::string Resample::describe(Layout const& layout) {
     std::string result;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        result += text(axis == 0 ? "" : ", ", name_of(tables_[axis].kernel()));
+        result += text(axis == 0 ? "" : ", ", name_of(layout.tables[axis].kernel()));
     }
-    if (algorithm_ == Algorithm::copy) return "copy";
-    if (algorithm_ == Algorithm::convert) return "rounded half to even, saturated";
-    return algorithm_ == Algorithm::halving ? result + " (halving)" : result;
+    if (layout.algorithm == Algorithm::copy) return "copy";
+    if (layout.algorithm == Algorithm::convert) return "rounded half to even, saturated";
+    return layout.algorithm == Algorithm::halving ? result + " (halving)" : result;
 }
 
 Box Resample::footprint(Box const& output, int) const {
     if (from_tree_) return {};
-    if (onto_) return onto_->footprint(output);
+    if (layout_.onto) return layout_.onto->footprint(output);
     Box result;
     for (int axis = 0; axis < 3; ++axis) {
-        auto const range = tables_[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
+        auto const range =
+            layout_.tables[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
         result.lower[axis] = range.first;
         result.upper[axis] = range.second;
     }
@@ -637,28 +691,29 @@ Box Resample::footprint(Box const& output, int) const {
 
 std::size_t Resample::fit(Index3 largest, Execution const& execution) {
     if (from_tree_ || execution.device == Device::gpu) return 0;
-    if (onto_) return onto_->fit(largest, execution);
-    if (algorithm_ != Algorithm::weighted && algorithm_ != Algorithm::whole) return 0;
+    if (layout_.onto) return layout_.onto->fit(largest, execution);
+    if (layout_.algorithm != Algorithm::weighted && layout_.algorithm != Algorithm::whole) return 0;
     Box const part = box_of(largest), in = footprint(part, 0);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
-    std::int64_t const of_sum = algorithm_ == Algorithm::whole ? sizeof(Int128) : sizeof(double);
-    return static_cast<std::size_t>(threads * bytes_of_sums(in.dims().x, largest.x, tables_[0].most_taps(), of_sum));
+    std::int64_t const of_sum = layout_.algorithm == Algorithm::whole ? sizeof(Int128) : sizeof(double);
+    return static_cast<std::size_t>(threads *
+                                    bytes_of_sums(in.dims().x, largest.x, layout_.tables[0].most_taps(), of_sum));
 }
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (out.box.empty()) return;
     if (from_tree_) return reconstruct_tree(out, execution);
     ConstView const in = inputs.front();
-    if (onto_) {
+    if (layout_.onto) {
         Losses losses;
-        onto_->run(in, out, losses, execution);
+        layout_.onto->run(in, out, losses, execution);
         counts_.clipped += losses.clipped;
         counts_.nan += losses.nan;
         return;
     }
-    if (algorithm_ == Algorithm::copy) return copy_region(in.part(out.box), out, execution);
-    if (algorithm_ == Algorithm::halving) {
-        Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
+    if (layout_.algorithm == Algorithm::copy) return copy_region(in.part(out.box), out, execution);
+    if (layout_.algorithm == Algorithm::halving) {
+        Index3 const factors{layout_.tables[0].halving(), layout_.tables[1].halving(), layout_.tables[2].halving()};
         return resample_halved(in, out, factors, execution);
     }
     Losses losses;
@@ -666,33 +721,33 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         counts_.clipped += losses.clipped;
         counts_.nan += losses.nan;
     };
-    if (algorithm_ == Algorithm::convert) {
+    if (layout_.algorithm == Algorithm::convert) {
         convert_values(in.part(out.box), out, losses, execution);
         return count();
     }
-    WeightedSum sum = weighted_sum(tables_, in.type, execution.space());
-    if (algorithm_ == Algorithm::nearest) return resample_nearest(in, out, sum, execution);
-    sum.border = border_;
-    if (algorithm_ == Algorithm::whole) return resample_whole(in, out, sum, execution);
-    sum.scale = scale_value_;
-    sum.offset = offset_value_;
+    WeightedSum sum = weighted_sum(layout_.tables, in.type, execution.space());
+    if (layout_.algorithm == Algorithm::nearest) return resample_nearest(in, out, sum, execution);
+    sum.border = layout_.border;
+    if (layout_.algorithm == Algorithm::whole) return resample_whole(in, out, sum, execution);
+    sum.scale = layout_.scale_value;
+    sum.offset = layout_.offset_value;
     resample_weighted(in, out, sum, scratch_, losses, execution);
     count();
 }
 
 std::vector<std::int64_t*> Resample::counters() {
     auto all = counts_.counters();
-    if (onto_) all.push_back(onto_->outside_counter());
+    if (layout_.onto) all.push_back(layout_.onto->outside_counter());
     return all;
 }
 
 std::vector<Remark> Resample::remarks() const {
     if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
-    std::int64_t const voxels = to_.x * to_.y * to_.z;
-    std::vector<Remark> result = store_remarks(counts_, voxels, out_type_);
+    std::int64_t const voxels = layout_.to.x * layout_.to.y * layout_.to.z;
+    std::vector<Remark> result = store_remarks(counts_, voxels, layout_.output.dtype);
     if (choice_) result.push_back(choice_->remark(*tolerance));
-    if (onto_ && onto_->outside() > 0)
-        result.push_back({text(share_text(onto_->outside(), voxels), " outside the input: background"), false});
+    if (layout_.onto && layout_.onto->outside() > 0)
+        result.push_back({text(share_text(layout_.onto->outside(), voxels), " outside the input: background"), false});
     return result;
 }
 

@@ -75,7 +75,8 @@ public:
     void parameters(Parameters& p) override;
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
     void scan(ConstView slab, Execution const& execution) override;
@@ -83,63 +84,84 @@ public:
     void after_scan(Plan& plan) const override;
     /// Sums of columns, which every thread has of its own, and inputs whose axes changed places.
     std::size_t fit(Index3 largest, Execution const& execution) override;
-    void take_tree(Volume input) override;
+    /// Of a hierarchical volume, which is kept.
+    std::optional<Volume> take_whole(Volume input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return true; }
-    bool runs_from_tree_on_gpu() const override;
+    bool runs_on_gpu() const override;
     std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 private:
+    enum class Algorithm : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
+
+    /// Of a structured volume: where the result lies, and the way that takes.
+    struct Layout {
+        Header output;
+        Index3 from, to;
+        std::optional<ResampleMethod> chosen;     ///< with a tolerance
+        std::optional<Affine> region_map;         ///< with --roi: from voxels of the result to those of the input
+        double scale_value = 1, offset_value = 0; ///< from stored input values to stored output values
+        std::optional<Onto> onto; ///< a grid of another extent, or a turned one; nothing below counts then
+        double border = 0;        ///< stored input value
+        std::array<WeightTable, 3> tables;
+        Algorithm algorithm = Algorithm::copy;
+
+        bool same_map() const { return scale_value == 1 && offset_value == 0; }
+    };
+    /// The layout as far as it is known before the voxels are.
+    struct Beginning {
+        Layout layout;
+        std::optional<InterpolationChoice> choice; ///< with a tolerance, and values to interpolate
+        bool coarser = false; ///< voxels of the result are wider than those of the input along an axis
+    };
+
     Index3 target_dims(Header const& input) const;
     /// `extent`: of what is resampled, where its ends lie between voxels.
     Index3 target_dims(Header const& input, Vec3 extent) const;
-    Plan planned(Header const& input);
-    Plan plan_region(Header const& input);
-    SampleGrid tree_grid(Header const& input) const;
-    Reconstruction reconstruction() const;
-    void refuse_tree_options() const;
-    Plan plan_tree(Header const& input);
-    Plan plan_onto(Header const& input, Placement const& placement);
-    SampleGrid grid_like(Header const& input) const;
+    Beginning beginning(Header const& input) const;
+    Layout layout_for(Header const& input, std::optional<ResampleMethod> chosen) const;
+    void lay_region(Header const& input, Layout& layout) const;
+    void lay_onto(Header const& input, Placement const& placement, Layout& layout) const;
+    void lay_tables(Header const& input, Layout& layout) const;
+    void choose_header(Header const& input, bool moves, Layout& layout) const;
+    Plan plan_of(Header const& input, Layout const& layout) const;
     void take_grid(Header const& input, Header& output) const;
     double background_in(Header const& volume) const;
-    void reconstruct_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
-    ResampleMethod used() const;
-    ResampleKernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
-    void choose_header(Header const& input, bool moves, Header& output);
-    std::string describe() const;
-    bool sums_exactly(DataType input) const;
-    bool sums_in_integers(DataType input) const;
-    ErrorBound error_of(Header const& input, Header const& output) const;
+    ResampleMethod used(Layout const& layout) const {
+        return layout.chosen ? *layout.chosen : method.value_or(ResampleMethod::automatic);
+    }
+    ResampleKernel kernel_of(Layout const& layout, int axis) const;
+    static std::string describe(Layout const& layout);
+    bool sums_exactly(DataType input, Layout const& layout) const;
+    bool sums_in_integers(DataType input, Layout const& layout) const;
+    ErrorBound error_of(Header const& input, Layout const& layout) const;
 
-    enum class Algorithm : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
+    SampleGrid tree_grid(Header const& input) const;
+    SampleGrid grid_like(Header const& input) const;
+    Reconstruction reconstruction() const;
+    void refuse_tree_options() const;
+    Plan plan_tree(Header const& input) const;
+    /// The reconstruction as a volume.
+    Header header_on_grid(Header const& input) const;
+    /// What changes after it, where the grid stays: type and value map; null if nothing does.
+    std::unique_ptr<Resample> value_change() const;
+    void begin_tree(Header const& input);
+    void reconstruct_tree(AnyView out, Execution const& execution);
 
-    Index3 from_, to_;
-    ReferenceVolume like_;                      ///< the grid of the result
-    std::optional<Affine> region_map_;          ///< grids, with --roi: from voxels of the result to those of the input
-    std::optional<InterpolationChoice> choice_; ///< with a tolerance
-    std::optional<ResampleMethod> chosen_;      ///< by it
-    Plan plan_of_chosen_;
-    bool coarser_ = false; ///< voxels of the result are wider than those of the input along an axis
+    ReferenceVolume like_; ///< the grid of the result
     Header input_;
-    std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
+    Layout layout_;
+    std::optional<InterpolationChoice> choice_;
+    bool coarser_ = false;
+    Plan plan_of_chosen_;
     Operation* preparation_ = nullptr;
-    std::array<WeightTable, 3> tables_;
-    Algorithm algorithm_ = Algorithm::copy;
-    double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
-    double border_ = 0;                         ///< stored input value
     Losses counts_;
-    DataType out_type_ = DataType::uint8;
     Buffer scratch_; ///< device: sums in double before they change type
 
-    bool from_tree_ = false; ///< planned for a hierarchical volume
-    SampleGrid grid_;
-    DataType tree_type_ = DataType::float32;
-    double stored_background_ = 0;
+    bool from_tree_ = false; ///< a hierarchical volume has begun
     std::optional<Reconstructor> reconstructor_;
-    std::unique_ptr<Resample> values_; ///< what changes after reconstruction: type and value map
+    std::unique_ptr<Resample> values_; ///< value_change()
     Buffer samples_;                   ///< a region before its values change
 };
 

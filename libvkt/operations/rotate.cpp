@@ -138,7 +138,7 @@ void Rotate::check() const {
     }
 }
 
-Affine Rotate::source_map(Header const& lattice, Index3 lower) const {
+Affine Rotate::source_map(Moved const& moved) const {
     Matrix m = quaternion_ ? of_quaternion(*quaternion_)
                            : about_axis(axis_.value_or(TurnAxis{}).direction, angle_.value_or(0));
     if (euler_)
@@ -146,7 +146,7 @@ Affine Rotate::source_map(Header const& lattice, Index3 lower) const {
                     product(about_axis({0, 1, 0}, euler_->y), about_axis({1, 0, 0}, euler_->x)));
     // The inverse is the transpose; from voxels to lengths and back.
     Affine map;
-    Vec3 const spacing = lattice.geometry.spacing, stays = fixed_point(about_, lattice.dims, lower);
+    Vec3 const spacing = moved.header.geometry.spacing, stays = fixed_point(about_, moved);
     for (int a = 0; a < 3; ++a)
         for (int b = 0; b < 3; ++b)
             map.column[static_cast<std::size_t>(a)][b] =

@@ -42,9 +42,9 @@ void Scale::check() const {
     }
 }
 
-Affine Scale::source_map(Header const& lattice, Index3 lower) const {
+Affine Scale::source_map(Moved const& moved) const {
     Affine map;
-    Vec3 const stays = fixed_point(about_, lattice.dims, lower);
+    Vec3 const stays = fixed_point(about_, moved);
     for (int a = 0; a < 3; ++a) {
         map.column[static_cast<std::size_t>(a)][a] = 1 / factor_[a];
         map.offset[a] = stays[a] - stays[a] / factor_[a];

@@ -16,7 +16,7 @@ public:
     void check() const override;
 
 protected:
-    Affine source_map(Header const& lattice, Index3 lower) const override;
+    Affine source_map(Moved const& moved) const override;
 
 private:
     Vec3 factor_{1, 1, 1};

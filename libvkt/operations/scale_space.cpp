@@ -59,8 +59,8 @@ void ScaleFilter::check() const {
             throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
 }
 
-Vec3 ScaleFilter::sigma_in_voxels(Header const& in, double factor) const {
-    Vec3 const sigma = sigma_in_cells(sigma_ * factor, unit_, in, cell_width_);
+Vec3 ScaleFilter::sigma_in_voxels(Header const& in, Index3 cell_width, double factor) const {
+    Vec3 const sigma = sigma_in_cells(sigma_ * factor, unit_, in, cell_width);
     for (int axis = 0; axis < 3; ++axis)
         if (sigma[axis] > most_sigma)
             throw Error(ErrorKind::usage,
@@ -69,11 +69,11 @@ Vec3 ScaleFilter::sigma_in_voxels(Header const& in, double factor) const {
     return sigma;
 }
 
-int ScaleFilter::add_gaussian(Vec3 const& sigma) {
-    auto const index = static_cast<int>(sum_.x.size());
-    sum_.x.push_back(gaussian_average(sigma[0]));
-    sum_.y.push_back(gaussian_average(sigma[1]));
-    sum_.z.push_back(gaussian_average(sigma[2]));
+int ScaleFilter::add_gaussian(Vec3 const& sigma, SeparableSum& sum) {
+    auto const index = static_cast<int>(sum.x.size());
+    sum.x.push_back(gaussian_average(sigma[0]));
+    sum.y.push_back(gaussian_average(sigma[1]));
+    sum.z.push_back(gaussian_average(sigma[2]));
     return index;
 }
 
@@ -88,15 +88,18 @@ Texts LaplacianOfGaussian::texts() const {
         {{"Blobs of about four voxels", "vkt filter log volume.nrrd --sigma 2 -o blobs.nrrd"}}};
 }
 
-void LaplacianOfGaussian::describe(Header const& in, Plan& plan) {
-    Vec3 const sigma = sigma_in_voxels(in), h = in.geometry.spacing;
-    int const g = add_gaussian(sigma), second = g + 1;
-    sum_.x.push_back(gaussian_second_derivative(sigma[0], h[0]));
-    sum_.y.push_back(gaussian_second_derivative(sigma[1], h[1]));
-    sum_.z.push_back(gaussian_second_derivative(sigma[2], h[2]));
-    sum_.planes = {{second, g}, {g, second}, {g, g}};
-    sum_.terms = {{0, g}, {1, g}, {2, second}};
-    plan.method = text("Laplacian of Gaussian, sigma ", sigma[0], ",", sigma[1], ",", sigma[2], " voxels");
+LinearFilter::Weights LaplacianOfGaussian::weights(Header const& in, Index3 cell_width) const {
+    Weights result;
+    SeparableSum& sum = result.sum;
+    Vec3 const sigma = sigma_in_voxels(in, cell_width), h = in.geometry.spacing;
+    int const g = add_gaussian(sigma, sum), second = g + 1;
+    sum.x.push_back(gaussian_second_derivative(sigma[0], h[0]));
+    sum.y.push_back(gaussian_second_derivative(sigma[1], h[1]));
+    sum.z.push_back(gaussian_second_derivative(sigma[2], h[2]));
+    sum.planes = {{second, g}, {g, second}, {g, g}};
+    sum.terms = {{0, g}, {1, g}, {2, second}};
+    result.method = text("Laplacian of Gaussian, sigma ", sigma[0], ",", sigma[1], ",", sigma[2], " voxels");
+    return result;
 }
 
 Texts DifferenceOfGaussians::texts() const {
@@ -121,13 +124,16 @@ void DifferenceOfGaussians::check() const {
         throw Error(ErrorKind::usage, text("--ratio ", ratio_, " is not a finite number above 0"));
 }
 
-void DifferenceOfGaussians::describe(Header const& in, Plan& plan) {
-    Vec3 const little = sigma_in_voxels(in), more = sigma_in_voxels(in, ratio_);
-    int const first = add_gaussian(little), second = add_gaussian(more);
-    sum_.planes = {{first, first}, {second, second}};
-    sum_.terms = {{0, first}, {1, second, 0, -1}};
-    plan.method = text("difference of Gaussians, sigma ", little[0], ",", little[1], ",", little[2], " and ", more[0],
-                       ",", more[1], ",", more[2], " voxels");
+LinearFilter::Weights DifferenceOfGaussians::weights(Header const& in, Index3 cell_width) const {
+    Weights result;
+    SeparableSum& sum = result.sum;
+    Vec3 const little = sigma_in_voxels(in, cell_width), more = sigma_in_voxels(in, cell_width, ratio_);
+    int const first = add_gaussian(little, sum), second = add_gaussian(more, sum);
+    sum.planes = {{first, first}, {second, second}};
+    sum.terms = {{0, first}, {1, second, 0, -1}};
+    result.method = text("difference of Gaussians, sigma ", little[0], ",", little[1], ",", little[2], " and ", more[0],
+                         ",", more[1], ",", more[2], " voxels");
+    return result;
 }
 
 Texts Sharpen::texts() const {
@@ -151,20 +157,23 @@ void Sharpen::check() const {
     if (!std::isfinite(amount_)) throw Error(ErrorKind::usage, "--amount is not a finite number");
 }
 
-void Sharpen::describe(Header const& in, Plan& plan) {
-    Vec3 const sigma = sigma_in_voxels(in);
+LinearFilter::Weights Sharpen::weights(Header const& in, Index3 cell_width) const {
+    Weights result;
+    SeparableSum& sum = result.sum;
+    Vec3 const sigma = sigma_in_voxels(in, cell_width);
     // Smoothed v - v = Dx v + Dy Gx v + Dz Gy Gx v with D = G - 1, whose taps are those of G without the middle one:
     // each is exactly 0 for a constant.
-    int const g = add_gaussian(sigma), same = g + 1, difference = g + 2;
-    for (auto* const axis : {&sum_.x, &sum_.y, &sum_.z}) {
+    int const g = add_gaussian(sigma, sum), same = g + 1, difference = g + 2;
+    for (auto* const axis : {&sum.x, &sum.y, &sum.z}) {
         AxisTaps taps = axis->front();
         taps.kind = AxisTaps::Kind::zero_sum;
         axis->push_back({});
         axis->push_back(taps);
     }
-    sum_.planes = {{same, same}, {difference, same}, {g, difference}, {g, g}};
-    sum_.terms = {{0, same}, {1, same, 0, -amount_}, {2, same, 0, -amount_}, {3, difference, 0, -amount_}};
-    plan.method = text("unsharp mask, sigma ", sigma[0], ",", sigma[1], ",", sigma[2], " voxels");
+    sum.planes = {{same, same}, {difference, same}, {g, difference}, {g, g}};
+    sum.terms = {{0, same}, {1, same, 0, -amount_}, {2, same, 0, -amount_}, {3, difference, 0, -amount_}};
+    result.method = text("unsharp mask, sigma ", sigma[0], ",", sigma[1], ",", sigma[2], " voxels");
+    return result;
 }
 
 } // namespace vkt

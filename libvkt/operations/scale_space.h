@@ -22,9 +22,9 @@ public:
 
 protected:
     /// In voxels. Throws Error{usage} above 100.
-    Vec3 sigma_in_voxels(Header const& in, double factor = 1) const;
-    /// Adds a Gaussian to sum_ and returns its plane along x and y and its taps along z, which have one index.
-    int add_gaussian(Vec3 const& sigma);
+    Vec3 sigma_in_voxels(Header const& in, Index3 cell_width, double factor = 1) const;
+    /// Adds a Gaussian and returns its plane along x and y and its taps along z, which have one index.
+    static int add_gaussian(Vec3 const& sigma, SeparableSum& sum);
 
 private:
     Vec3 sigma_{1, 1, 1};
@@ -38,7 +38,7 @@ public:
     Texts texts() const override;
 
 protected:
-    void describe(Header const& in, Plan& plan) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
 };
 
 /// The volume smoothed by sigma minus that smoothed by ratio times sigma.
@@ -50,7 +50,7 @@ public:
     void check() const override;
 
 protected:
-    void describe(Header const& in, Plan& plan) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
 
 private:
     double ratio_ = 1.6;
@@ -67,7 +67,7 @@ public:
     void check() const override;
 
 protected:
-    void describe(Header const& in, Plan& plan) override;
+    Weights weights(Header const& in, Index3 cell_width) const override;
 
 private:
     double amount_ = 1;

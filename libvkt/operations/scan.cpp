@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/scan.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/operations/remarks.h"
 
 #include <algorithm>
@@ -27,12 +28,25 @@ void Scan::parameters(Parameters& parameters) {
                     "sum what lies before the voxel along each axis: 0 in the first row, column and slice");
 }
 
-Plan Scan::plan(std::span<Header const> inputs) {
+ScanState Scan::state_for(Header const& in) const {
+    ScanState state;
+    state.exclusive = exclusive;
+    state.dims = in.dims;
+    if (is_integer(in.dtype) && in.values.intercept == 0) {
+        double const voxels = volume_of(in.dims), largest = std::max(highest_of(in.dtype), -lowest_of(in.dtype));
+        bool const all_fit = size_of(in.dtype) < 8 && voxels * largest < (is_signed(in.dtype) ? 0x1p63 : 0x1p64);
+        state.sums = all_fit ? ScanSums::whole : ScanSums::wide;
+    } else {
+        bool const pairs = in.dtype == DataType::float64 || !(in.values == ValueMap{});
+        state.sums = pairs ? ScanSums::pairs : ScanSums::real;
+        state.map = in.values;
+    }
+    return state;
+}
+
+Plan Scan::plan(std::span<Header const> inputs) const {
     Header const& in = inputs[0];
-    losses_ = {};
-    state_ = {};
-    state_.exclusive = exclusive;
-    state_.dims = in.dims;
+    ScanState const state = state_for(in);
     Plan plan;
     plan.output = in;
     plan.output.attributes.erase("background");
@@ -40,17 +54,12 @@ Plan Scan::plan(std::span<Header const> inputs) {
     plan.cost = 4;
     plan.slab_hint = 16; // threads follow one another a slice behind
     Index3 const n = in.dims;
-    double const voxels = static_cast<double>(n.x) * static_cast<double>(n.y) * static_cast<double>(n.z);
-    if (is_integer(in.dtype) && in.values.intercept == 0) {
-        bool const all_fit = size_of(in.dtype) < 8 && voxels * std::max(highest_of(in.dtype), -lowest_of(in.dtype)) <
-                                                          (is_signed(in.dtype) ? 0x1p63 : 0x1p64);
-        state_.sums = all_fit ? ScanSums::whole : ScanSums::wide;
+    double const voxels = volume_of(n);
+    if (state.sums == ScanSums::whole || state.sums == ScanSums::wide) {
         plan.output.dtype = is_signed(in.dtype) ? DataType::int64 : DataType::uint64;
-        plan.method = all_fit ? "sums in 64 bits" : "sums in 128 bits, saturated to 64";
+        plan.method = state.sums == ScanSums::whole ? "sums in 64 bits" : "sums in 128 bits, saturated to 64";
     } else {
-        bool const pairs = in.dtype == DataType::float64 || !(in.values == ValueMap{});
-        state_.sums = pairs ? ScanSums::pairs : ScanSums::real;
-        state_.map = in.values;
+        bool const pairs = state.sums == ScanSums::pairs;
         plan.output.dtype = DataType::float64;
         plan.output.values = {};
         plan.method = pairs ? "sums in float64, compensated" : "sums in float64";
@@ -65,8 +74,13 @@ Plan Scan::plan(std::span<Header const> inputs) {
     }
     plan.passing = ErrorPassing::summed(voxels, values_of(in));
     if (is_integer(plan.output.dtype)) plan.passing.storing = ErrorPassing::Storing::whole;
-    plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state_.bytes_each();
+    plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state.bytes_each();
     return plan;
+}
+
+void Scan::begin(std::span<Header const> inputs, Plan const&) {
+    losses_ = {};
+    state_ = state_for(inputs[0]);
 }
 
 std::size_t Scan::fit(Index3 largest, Execution const& execution) {

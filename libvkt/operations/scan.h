@@ -21,7 +21,8 @@ public:
     Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
@@ -29,6 +30,9 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    /// Nothing is summed yet.
+    ScanState state_for(Header const& in) const;
+
     ScanState state_;
     Losses losses_;
 };

@@ -72,21 +72,19 @@ void SetHeader::check() const {
             throw Error(ErrorKind::usage, text("--attribute: '", attribute, "' is not KEY=VALUE"));
 }
 
-Plan SetHeader::plan(std::span<Header const> inputs) {
+Plan SetHeader::plan(std::span<Header const> inputs) const {
     Header const& input = inputs.front();
     Plan plan;
     Header& h = plan.output = input;
-    from_ = input.dims;
-    to_ = dims.value_or(input.dims);
-    if (!(to_ == from_)) {
+    Index3 const to = dims.value_or(input.dims);
+    if (!(to == input.dims)) {
         if (input.kind != Kind::structured)
             throw Error(ErrorKind::usage, "--dims does not apply to a hierarchical volume");
-        if (box_of(to_).voxels() != input.voxels())
-            throw Error(
-                ErrorKind::usage,
-                text("--dims ", to_, ": ", box_of(to_).voxels(), " voxels, but the volume has ", input.voxels()),
-                "to change the number of voxels use vkt resample or vkt crop");
-        h.dims = to_;
+        if (box_of(to).voxels() != input.voxels())
+            throw Error(ErrorKind::usage,
+                        text("--dims ", to, ": ", box_of(to).voxels(), " voxels, but the volume has ", input.voxels()),
+                        "to change the number of voxels use vkt resample or vkt crop");
+        h.dims = to;
         h.part.reset();
     } else {
         plan.shift = Index3{};
@@ -128,6 +126,11 @@ Plan SetHeader::plan(std::span<Header const> inputs) {
     plan.passing.gain = {h.values == input.values ? 1 : std::abs(h.values.slope / input.values.slope)};
     plan.cost = 0;
     return plan;
+}
+
+void SetHeader::begin(std::span<Header const> inputs, Plan const& plan) {
+    from_ = inputs.front().dims;
+    to_ = plan.output.dims;
 }
 
 Box SetHeader::footprint(Box const& output, int) const {
@@ -190,7 +193,7 @@ DataType DeclareStructured::type() const {
     return bytes_per_voxel ? type_of_bytes(*bytes_per_voxel) : DataType::uint8;
 }
 
-Plan DeclareStructured::plan(std::span<Header const>) {
+Plan DeclareStructured::plan(std::span<Header const>) const {
     Plan plan;
     plan.output.dims = dims.value_or(Index3{1, 1, 1});
     plan.output.dtype = type();

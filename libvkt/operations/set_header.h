@@ -25,7 +25,8 @@ public:
     bool runs_on_gpu() const override { return !dims; } // voxels stay where they are
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     /// The cells stay as they are.
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
@@ -48,7 +49,7 @@ public:
     Shape shape() const override { return Shape::source; }
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
 
 private:

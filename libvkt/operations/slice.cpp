@@ -58,40 +58,63 @@ void Slice::check() const {
         throw Error(ErrorKind::usage, text("--axis ", enum_name(*axis), " and the index are about different axes"));
 }
 
-Plan Slice::plan(std::span<Header const> inputs) {
-    Header const& in = inputs[0];
+Box Slice::plane_in(Index3 dims) const {
     int const across = sliced_axis();
-    std::int64_t const n = in.dims[across], asked = index[static_cast<std::size_t>(across)].value_or(n / 2);
+    std::int64_t const n = dims[across], asked = index[static_cast<std::size_t>(across)].value_or(n / 2);
     std::int64_t const at = asked < 0 ? asked + n : asked;
     if (at < 0 || at >= n)
         throw Error(ErrorKind::usage,
                     text("--", enum_name(static_cast<Axis>(across)), " ", asked,
                          " is outside of the volume, which has ", n, " slices across it"),
                     text("the first is 0, the last ", n - 1));
-    axes_ = axes_without(across);
-    plane_ = box_of(in.dims);
-    plane_.lower[across] = at;
-    plane_.upper[across] = at + 1;
-    type_ = in.dtype;
+    Box plane = box_of(dims);
+    plane.lower[across] = at;
+    plane.upper[across] = at + 1;
+    return plane;
+}
+
+Header Slice::cut_out(Header const& in) const {
+    Box const plane = plane_in(in.dims);
     Header cut = in;
-    cut.dims = plane_.dims();
-    cut.geometry = cropped(in.geometry, plane_.lower);
-    if (cut.part) cut.part = {cut.part->global_dims, cut.part->offset + plane_.lower, {}};
+    cut.dims = plane.dims();
+    cut.geometry = cropped(in.geometry, plane.lower);
+    if (cut.part) cut.part = {cut.part->global_dims, cut.part->offset + plane.lower, {}};
+    return with_axes(cut, axes_without(sliced_axis()));
+}
+
+Convert Slice::conversion() const {
+    Convert convert;
+    convert.range = range;
+    convert.dtype = DataType::uint8;
+    return convert;
+}
+
+Plan Slice::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
+    Header const slice = cut_out(in);
     Plan plan;
-    plan.output = with_axes(cut, axes_);
+    if (range) {
+        plan = conversion().plan({&slice, 1});
+        plan.method = "copy, " + plan.method;
+        return plan;
+    }
+    plan.output = slice;
     plan.method = "copy";
     plan.cost = 0;
     plan.passing = ErrorPassing::moved(values_of(in));
-    if (!range) {
-        if (across == 2) plan.shift = plane_.lower;
-        return plan;
-    }
-    convert_.range = range;
-    convert_.dtype = DataType::uint8;
-    Header const slice = plan.output;
-    plan = convert_.plan({&slice, 1});
-    plan.method = "copy, " + plan.method;
+    if (sliced_axis() == 2) plan.shift = plane_in(in.dims).lower;
     return plan;
+}
+
+void Slice::begin(std::span<Header const> inputs, Plan const& plan) {
+    Header const& in = inputs[0];
+    axes_ = axes_without(sliced_axis());
+    plane_ = plane_in(in.dims);
+    type_ = in.dtype;
+    if (!range) return;
+    Header const slice = cut_out(in);
+    convert_ = conversion();
+    convert_.begin({&slice, 1}, plan);
 }
 
 Box Slice::footprint(Box const& output, int) const {

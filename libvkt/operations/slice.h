@@ -22,7 +22,8 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     /// Throws Error{usage} if the index lies outside of the volume.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     Box scanned(Box const&) const override { return plane_; }
     void scan(ConstView slab, Execution const& execution) override { convert_.scan(slab, execution); }
@@ -31,7 +32,7 @@ public:
     void after_scan(Plan& plan) const override { convert_.after_scan(plan); }
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    /// But for percentiles, once it is planned.
+    /// But for percentiles.
     bool runs_on_gpu() const override { return !range || convert_.runs_on_gpu(); }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     std::vector<std::int64_t*> counters() override { return convert_.counters(); }
@@ -39,6 +40,11 @@ public:
 
 private:
     int sliced_axis() const;
+    Box plane_in(Index3 dims) const;
+    /// The plane as a volume, with the values of the input.
+    Header cut_out(Header const& in) const;
+    /// Of what is cut out, with a range.
+    Convert conversion() const;
 
     std::array<int, 3> axes_{0, 1, 2}; ///< axis k of the result is axis axes_[k] of the input; the last is sliced
     Box plane_;                        ///< of the input

@@ -53,8 +53,7 @@ void spline_coefficients(SplineRule const& rule, std::vector<double> const& weig
 SplineCoefficients::SplineCoefficients(SplineRule rule)
     : rule_(std::move(rule)), weight_(rule_.prefilter.weight.begin(), rule_.prefilter.weight.end()) {}
 
-Plan SplineCoefficients::plan(std::span<Header const> inputs) {
-    dims_ = inputs[0].dims;
+Plan SplineCoefficients::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = inputs[0];
     plan.output.dtype = rule_.type;
@@ -67,6 +66,8 @@ Plan SplineCoefficients::plan(std::span<Header const> inputs) {
     if (rule_.boundary == Boundary::wrap) plan.access = Access::random; // what comes before the first slice is the last
     return plan;
 }
+
+void SplineCoefficients::begin(std::span<Header const> inputs, Plan const&) { dims_ = inputs[0].dims; }
 
 Box SplineCoefficients::at_margin(Box const& output) const {
     Index3 const margin{rule_.margin, rule_.margin, rule_.margin};

@@ -29,7 +29,8 @@ public:
 
     std::string_view name() const override { return "spline coefficients"; }
     Shape shape() const override { return Shape::neighbourhood; }
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;

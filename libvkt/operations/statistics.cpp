@@ -219,14 +219,44 @@ void Statistics::parameters(Parameters& p) {
     p.option("percentiles", percents_, "P,P...", "also the values below which these per cents of the finite ones lie");
 }
 
-Plan Statistics::plan(std::span<Header const> inputs) {
+Box Statistics::region_in(Header const& in) const {
+    if (!roi.empty()) return roi.resolve(in.dims);
+    return in.kind == Kind::hierarchical ? region_of(in) : box_of(in.dims);
+}
+
+/// Of stored values; percents are of physical ones.
+std::optional<Quantiles> Statistics::quantiles_for(Header const& in) const {
+    if (!percentiles()) return std::nullopt;
+    std::vector<double> stored = percents_.values;
+    for (double& percent : stored) percent = in.values.slope < 0 ? 100 - percent : percent;
+    std::int64_t const cells = in.kind == Kind::hierarchical ? in.cell_count : region_in(in).voxels();
+    return Quantiles(in.dtype, std::move(stored), cells);
+}
+
+Plan Statistics::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    static_cast<void>(region_in(in)); // or it is refused
+    Plan plan;
+    plan.output = in;
+    if (percentiles()) {
+        plan.scans = size_of(in.dtype) > 2;
+        plan.state_bytes = Quantiles::state_bytes(in.dtype, 1);
+    }
+    plan.method = is_integer(in.dtype) && size_of(in.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
+    if (!is_integer(in.dtype) || size_of(in.dtype) > 4) {
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 1e-15;
+    }
+    plan.cost = 4;
+    return plan;
+}
+
+void Statistics::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs.front();
-    bool const hierarchical = input_.kind == Kind::hierarchical;
-    Box const whole = hierarchical ? region_of(input_) : box_of(input_.dims);
-    region_ = finest_region_ = roi.empty() ? whole : roi.resolve(input_.dims);
+    region_ = finest_region_ = region_in(input_);
     width_ = {1, 1, 1};
     first_cell_ = {};
-    background_ = hierarchical ? stored_background(input_) : std::nullopt;
+    background_ = input_.kind == Kind::hierarchical ? stored_background(input_) : std::nullopt;
     levels_.clear();
     level_ = nullptr;
     total_ = {};
@@ -236,24 +266,7 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     result_ = {};
     first_pass_ = true;
     scans_again_ = false;
-    quantiles_.reset();
-    Plan plan;
-    plan.output = input_;
-    if (!percents_.values.empty()) {
-        std::vector<double> stored = percents_.values; // percents are of physical values
-        for (double& percent : stored) percent = input_.values.slope < 0 ? 100 - percent : percent;
-        quantiles_.emplace(input_.dtype, std::move(stored), hierarchical ? input_.cell_count : region_.voxels());
-        plan.scans = size_of(input_.dtype) > 2;
-        plan.state_bytes = Quantiles::state_bytes(input_.dtype, 1);
-    }
-    plan.method =
-        is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
-    if (!is_integer(input_.dtype) || size_of(input_.dtype) > 4) {
-        plan.error.kind = ErrorBound::Kind::estimate;
-        plan.error.magnitude = 1e-15;
-    }
-    plan.cost = 4;
-    return plan;
+    quantiles_ = quantiles_for(input_);
 }
 
 void Statistics::enter_level(Index3 cell_width, Index3 first) {

@@ -216,7 +216,8 @@ public:
     std::string_view name() const override { return "stats"; }
     Shape shape() const override { return Shape::reduction; }
     void parameters(Parameters& p) override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     void enter_level(Index3 cell_width, Index3 first) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     std::int64_t scan_step(Index3 part) const override { return rows_in_band(part, input_.dtype); }
@@ -236,6 +237,8 @@ private:
         double cell = 1;
         Moments moments;
     };
+    Box region_in(Header const& in) const;
+    std::optional<Quantiles> quantiles_for(Header const& in) const;
     void append(SliceStatistics const& slice);
     void append(Moments const& slice, bool exact);
     void add_to_quantiles(ConstView part, Execution const& execution);

@@ -28,7 +28,8 @@ public:
     void parameters(Parameters& p) override;
     void check() const override;
     bool prints(ReportForm form) const override { return !mergeable || form == ReportForm::json; }
-    Plan plan(std::span<Header const> inputs) override { return statistics_.plan(inputs); }
+    Plan plan(std::span<Header const> inputs) const override { return statistics_.plan(inputs); }
+    void begin(std::span<Header const> inputs, Plan const& plan) override { statistics_.begin(inputs, plan); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
     bool runs_on_gpu() const override { return !grouped() && statistics_.runs_on_gpu(); }

@@ -45,17 +45,16 @@ void Threshold::check() const {
         throw Error(ErrorKind::usage, text("nothing is above ", *above, " and below ", *below));
 }
 
-Plan Threshold::plan(std::span<Header const> inputs) {
-    Header const& in = inputs.front();
-    rule_ = {in.values, above.value_or(Number(-HUGE_VAL)), below.value_or(Number(HUGE_VAL)), above || otsu,
-             below.has_value()};
-    if (range) rule_.low = range->low, rule_.high = range->high;
+Box Threshold::region_in(Header const& in) const {
     bool const tree = in.kind == Kind::hierarchical;
-    inside_ = finest_inside_ = roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
-                               : tree      ? resolve_in_tree(roi, in)
-                                           : roi.resolve(in.dims);
-    voxels_ = in.voxels();
-    nan_ = 0;
+    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
+           : tree      ? resolve_in_tree(roi, in)
+                       : roi.resolve(in.dims);
+}
+
+Plan Threshold::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    static_cast<void>(region_in(in)); // or it is refused
     Plan plan;
     plan.output = in;
     plan.output.dtype = DataType::uint8;
@@ -64,9 +63,20 @@ Plan Threshold::plan(std::span<Header const> inputs) {
     plan.passing = ErrorPassing::jumps(ValueInterval{0, 1});
     plan.method = otsu ? "histogram first, then comparison" : "comparison";
     plan.scans = otsu;
-    if (otsu) found_ = std::make_unique<Otsu>(in.dtype, in.values.slope < 0);
     if (otsu) plan.state_bytes = Otsu::state_bytes;
     return plan;
+}
+
+void Threshold::begin(std::span<Header const> inputs, Plan const&) {
+    Header const& in = inputs.front();
+    rule_ = {in.values, above.value_or(Number(-HUGE_VAL)), below.value_or(Number(HUGE_VAL)), above || otsu,
+             below.has_value()};
+    if (range) rule_.low = range->low, rule_.high = range->high;
+    inside_ = finest_inside_ = region_in(in);
+    voxels_ = in.voxels();
+    nan_ = 0;
+    scans_again_ = false;
+    found_ = otsu ? std::make_unique<Otsu>(in.dtype, in.values.slope < 0) : nullptr;
 }
 
 void Threshold::enter_level(Index3 cell_width, Index3 first) {

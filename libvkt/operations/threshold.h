@@ -27,7 +27,8 @@ public:
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& p) override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     void enter_level(Index3 cell_width, Index3 first) override;
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
@@ -43,6 +44,8 @@ public:
     Report report() const override;
 
 private:
+    Box region_in(Header const& in) const;
+
     ThresholdRule rule_;
     std::unique_ptr<Otsu> found_;
     bool scans_again_ = false;

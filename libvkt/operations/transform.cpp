@@ -65,11 +65,11 @@ Values stored_values(Header const& header) {
 } // namespace
 
 /// Positions in trees may be halves; those of a level whose cells are one wide are not.
-std::vector<Values> Transform::values(std::span<Header const> inputs, Expression const& parsed, bool whole) const {
+std::vector<Values> Transform::values(Place const& place, Expression const& parsed, bool whole) const {
     std::vector<Values> volumes, positions;
-    for (Header const& header : inputs) volumes.push_back(stored_values(header));
+    for (Header const& header : place.inputs) volumes.push_back(stored_values(header));
     for (int axis = 0; axis < 3; ++axis)
-        positions.push_back({whole, 0, static_cast<double>(inputs[0].dims[axis] * level_width_[axis] - 1)});
+        positions.push_back({whole, 0, static_cast<double>(place.inputs[0].dims[axis] * place.cell_width[axis] - 1)});
     return vkt::values_of(parsed, volumes, positions);
 }
 
@@ -113,7 +113,7 @@ void Transform::check() const {
 
 Shape Transform::shape() const {
     if (expression.empty()) return Shape::neighbourhood; // nothing is said yet
-    if (planned_shape_) return *planned_shape_;
+    if (begun_shape_) return *begun_shape_;
     return has_neighbours(Expression::parse(expression)) ? Shape::neighbourhood : Shape::pointwise;
 }
 
@@ -122,7 +122,8 @@ int Transform::inputs() const {
 }
 
 /// The type of the result, and its value map.
-void Transform::choose_type(std::span<Header const> inputs, Expression const& parsed, Header& output) const {
+void Transform::choose_type(Place const& place, Expression const& parsed, Header& output) const {
+    auto const& inputs = place.inputs;
     Origin const origin = origin_of(parsed);
     if (!region_.empty()) { // all else stays what it is
         if (dtype) output.dtype = *dtype;
@@ -140,7 +141,7 @@ void Transform::choose_type(std::span<Header const> inputs, Expression const& pa
         output.dtype = DataType::float64;
         output.values = {};
         output.units.clear();
-        Values const own = values(inputs, parsed, inputs[0].kind == Kind::structured && !on_level_).back();
+        Values const own = values(place, parsed, inputs[0].kind == Kind::structured && !place.on_level).back();
         for (DataType const type : {DataType::int64, DataType::int32, DataType::uint32, DataType::int16,
                                     DataType::uint16, DataType::int8, DataType::uint8})
             if (own.whole && std::abs(own.low) <= 0x1p53 && std::abs(own.high) <= 0x1p53 &&
@@ -158,20 +159,16 @@ void Transform::choose_type(std::span<Header const> inputs, Expression const& pa
     if (dtype) output.dtype = *dtype;
 }
 
-bool Transform::whole_positions(std::span<Header const> inputs) const {
-    return inputs[0].kind == Kind::structured && level_width_ == Index3{1, 1, 1};
-}
-
 /// True if float32 is as good as float64 for this result.
-bool Transform::fits_float(std::span<Header const> inputs, Expression const& parsed, Header const& output) const {
+bool Transform::fits_float(Place const& place, Expression const& parsed, Header const& output) const {
     constexpr double most = 0x1p24; // whole numbers up to here are floats
     if (!is_small(output.dtype) || !(output.values == ValueMap{})) return false;
-    std::vector<Values> const of = values(inputs, parsed, whole_positions(inputs));
+    std::vector<Values> const of = values(place, parsed, place.whole_positions());
     for (std::size_t i = 0; i < of.size(); ++i) {
         Node const& node = parsed.nodes()[i];
         if (is_world(node.op)) return false;
         if (node.op == Op::voxel) {
-            Header const& header = inputs[static_cast<std::size_t>(node.volume)];
+            Header const& header = place.inputs[static_cast<std::size_t>(node.volume)];
             if (!is_small(header.dtype) || !(header.values == ValueMap{})) return false;
         }
         if (is_position(node.op) && of[i].high > most) return false;
@@ -182,13 +179,13 @@ bool Transform::fits_float(std::span<Header const> inputs, Expression const& par
 }
 
 /// Outside of the volume there is one value for all inputs, stored in each one's type.
-void Transform::choose_border(std::span<Header const> inputs, Plan& plan) const {
+void Transform::choose_border(std::span<Header const> inputs, Expression const& parsed, Plan& plan) const {
     BoundaryRule const rule = boundary_.value_or(BoundaryRule{Boundary::mirror, 0});
     plan.boundary = rule.boundary;
     if (rule.boundary != Boundary::border) return;
     bool first = true;
     for (std::size_t i = 0; i < inputs.size(); ++i) {
-        if (reach_[i] == Box{}) continue;
+        if (offsets_of(parsed, static_cast<int>(i)) == Box{}) continue;
         Header const& in = inputs[i];
         double const stored = in.values.stored(rule.value);
         bool const held = is_integer(in.dtype) ? stored >= lowest_of(in.dtype) && stored <= highest_of(in.dtype) &&
@@ -207,34 +204,20 @@ void Transform::choose_border(std::span<Header const> inputs, Plan& plan) const 
     }
 }
 
-Plan Transform::plan_for(std::span<Header const> inputs, Expression const& parsed) {
-    require_same_grid(inputs);
+Plan Transform::plan_for(Place const& place, Expression const& parsed) const {
+    require_same_grid(place.inputs);
+    static_cast<void>(region_in(place.inputs[0].dims)); // or it is refused
     Plan plan;
-    plan.output = inputs[0];
-    choose_type(inputs, parsed, plan.output);
-    planned_ = plan.output;
-    losses_ = {};
-    maps_.clear();
-    reach_.clear();
-    for (std::size_t i = 0; i < inputs.size(); ++i) {
-        maps_.push_back(inputs[i].values);
-        reach_.push_back(offsets_of(parsed, static_cast<int>(i)));
-    }
-    choose_border(inputs, plan);
-    in_float_ = fits_float(inputs, parsed, plan.output);
-    counts_undefined_ = !is_integer(plan.output.dtype) && !parsed.says_infinite();
-    program_ = compile(parsed);
-    geometry_ = inputs[0].geometry;
-    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
-    finest_ = box_;
-    enter_level({1, 1, 1}, {0, 0, 0});
-
-    std::size_t const operations = program_.per_voxel.size();
-    plan.method = text(in_float_ ? "float32, " : "float64, ", static_cast<std::uint64_t>(operations),
+    plan.output = place.inputs[0];
+    choose_type(place, parsed, plan.output);
+    choose_border(place.inputs, parsed, plan);
+    bool const in_float = fits_float(place, parsed, plan.output);
+    std::size_t const operations = compile(parsed).per_voxel.size();
+    plan.method = text(in_float ? "float32, " : "float64, ", static_cast<std::uint64_t>(operations),
                        operations == 1 ? " operation" : " operations");
     plan.cost = 0;
-    std::vector<Values> const of = values(inputs, parsed, whole_positions(inputs));
-    double const digits = in_float_ ? 0x1p24 : 0x1p53;
+    std::vector<Values> const of = values(place, parsed, place.whole_positions());
+    double const digits = in_float ? 0x1p24 : 0x1p53;
     for (std::size_t i = 0; i < of.size(); ++i) {
         Node const& node = parsed.nodes()[i];
         plan.cost += is_function(node.op) ? 20 : 1;
@@ -247,29 +230,52 @@ Plan Transform::plan_for(std::span<Header const> inputs, Expression const& parse
     return plan;
 }
 
-Plan Transform::plan(std::span<Header const> inputs) {
+Plan Transform::plan(std::span<Header const> inputs) const {
     Expression const parsed = Expression::parse(expression);
-    planned_shape_ = has_neighbours(parsed) ? Shape::neighbourhood : Shape::pointwise;
     if (static_cast<int>(inputs.size()) != parsed.volumes())
         throw Error(ErrorKind::usage,
                     text("the expression names ", parsed.volumes(), parsed.volumes() == 1 ? " volume" : " volumes",
                          "; ", static_cast<std::uint64_t>(inputs.size()), " are given"),
                     "the first is v, those that follow a, b, c, d, f, g, h");
-    on_level_ = false;
-    level_width_ = {1, 1, 1};
-    return plan_for(inputs, parsed.with_extent(inputs[0].dims));
+    return plan_for({inputs}, parsed.with_extent(inputs[0].dims));
 }
 
-Plan Transform::plan_level(Header const& level, Index3 cell_width) {
+Plan Transform::plan_level(Header const& level, Index3 cell_width) const {
     Expression const parsed = Expression::parse(expression);
     char const* const hint = "make it a grid first: vkt resample --cells 50M";
     if (!region_.empty())
         throw Error(ErrorKind::usage, "transform --roi with neighbours works on structured volumes only", hint);
     if (parsed.any([](Node const& node) { return is_extent(node.op); }))
         throw Error(ErrorKind::usage, "nx, ny and nz beside neighbours have no meaning on a hierarchical volume", hint);
-    on_level_ = true;
-    level_width_ = cell_width;
-    return plan_for({&level, 1}, parsed);
+    return plan_for({{&level, 1}, true, cell_width}, parsed);
+}
+
+void Transform::begin(std::span<Header const> inputs, Plan const& plan) {
+    begin_for({inputs}, Expression::parse(expression).with_extent(inputs[0].dims), plan);
+}
+
+void Transform::begin_level(Header const& level, Index3 cell_width, Plan const& plan) {
+    begin_for({{&level, 1}, true, cell_width}, Expression::parse(expression), plan);
+}
+
+void Transform::begin_for(Place const& place, Expression const& parsed, Plan const& plan) {
+    Header const& first = place.inputs[0];
+    begun_shape_ = has_neighbours(parsed) ? Shape::neighbourhood : Shape::pointwise;
+    planned_ = plan.output;
+    losses_ = {};
+    maps_.clear();
+    reach_.clear();
+    for (std::size_t i = 0; i < place.inputs.size(); ++i) {
+        maps_.push_back(place.inputs[i].values);
+        reach_.push_back(offsets_of(parsed, static_cast<int>(i)));
+    }
+    in_float_ = fits_float(place, parsed, plan.output);
+    counts_undefined_ = !is_integer(plan.output.dtype) && !parsed.says_infinite();
+    program_ = compile(parsed);
+    geometry_ = first.geometry;
+    on_level_ = place.on_level;
+    box_ = finest_ = region_in(first.dims);
+    enter_level({1, 1, 1}, {0, 0, 0});
 }
 
 void Transform::enter_level(Index3 cell_width, Index3 first) {

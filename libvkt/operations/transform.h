@@ -36,9 +36,11 @@ public:
     void parameters(Parameters& parameters) override;
     std::vector<Knob> knobs() const override;
     void check() const override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     /// Throws Error{usage} if there is a region, or if the expression asks for extents: levels know neither.
-    Plan plan_level(Header const& level, Index3 cell_width) override;
+    Plan plan_level(Header const& level, Index3 cell_width) const override;
+    void begin_level(Header const& level, Index3 cell_width, Plan const& plan) override;
     /// Positions are those of the cells' centres, in finest cells; regions hold cells with centres in them.
     void enter_level(Index3 cell_width, Index3 first) override;
     bool uses_position() const override { return program_.positions || !region_.empty(); }
@@ -50,17 +52,26 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
-    Plan plan_for(std::span<Header const> inputs, Expression const& parsed);
-    std::vector<Values> values(std::span<Header const> inputs, Expression const& parsed, bool whole) const;
-    bool whole_positions(std::span<Header const> inputs) const;
-    void choose_type(std::span<Header const> inputs, Expression const& parsed, Header& output) const;
-    bool fits_float(std::span<Header const> inputs, Expression const& parsed, Header const& output) const;
-    void choose_border(std::span<Header const> inputs, Plan& plan) const;
+    /// What is planned, or begun: volumes, or a level of a tree whose cells are so many finest cells wide.
+    struct Place {
+        std::span<Header const> inputs;
+        bool on_level = false;
+        Index3 cell_width{1, 1, 1};
+
+        bool whole_positions() const { return inputs[0].kind == Kind::structured && cell_width == Index3{1, 1, 1}; }
+    };
+    Plan plan_for(Place const& place, Expression const& parsed) const;
+    void begin_for(Place const& place, Expression const& parsed, Plan const& plan);
+    std::vector<Values> values(Place const& place, Expression const& parsed, bool whole) const;
+    void choose_type(Place const& place, Expression const& parsed, Header& output) const;
+    bool fits_float(Place const& place, Expression const& parsed, Header const& output) const;
+    void choose_border(std::span<Header const> inputs, Expression const& parsed, Plan& plan) const;
+    Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
 
     std::optional<BoundaryRule> boundary_;
     Roi region_;
 
-    std::optional<Shape> planned_shape_; ///< asked for often: parsed once a volume
+    std::optional<Shape> begun_shape_; ///< asked for often: parsed once a volume
     Program program_;
     std::vector<ValueMap> maps_; ///< of the inputs
     std::vector<Box> reach_;     ///< offsets that each input is looked at
@@ -68,7 +79,6 @@ private:
     ProgramPlace place_;
     Geometry geometry_; ///< of voxels or finest cells; of a level's cells where there are neighbours
     bool on_level_ = false;
-    Index3 level_width_{1, 1, 1};
     Box box_, finest_; ///< the region, in voxels or cells of the level, and as given
     bool in_float_ = false, counts_undefined_ = false;
     std::vector<std::byte> workspace_;

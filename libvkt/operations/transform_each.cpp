@@ -17,22 +17,26 @@ void TransformEach::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "call the function for the voxels of this region only");
 }
 
-Plan TransformEach::plan(std::span<Header const> inputs) {
-    input_ = inputs[0];
-    if (input_.kind == Kind::hierarchical)
+Plan TransformEach::plan(std::span<Header const> inputs) const {
+    if (inputs[0].kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "a function of whole indices has no meaning on a hierarchical volume",
                     "use an expression, or make it a grid first: vkt resample --cells 50M");
-    losses_ = {};
-    inexact_ = 0;
-    box_ = region_.empty() ? box_of(input_.dims) : region_.resolve(input_.dims);
+    static_cast<void>(region_in(inputs[0].dims)); // or it is refused
     Plan plan;
-    plan.output = input_;
+    plan.output = inputs[0];
     if (dtype_) plan.output.dtype = *dtype_;
-    planned_ = plan.output;
     plan.method = "a function of the caller's";
     plan.error = ErrorBound::none_known();
     plan.cost = 20;
     return plan;
+}
+
+void TransformEach::begin(std::span<Header const> inputs, Plan const& plan) {
+    input_ = inputs[0];
+    planned_ = plan.output;
+    box_ = region_in(input_.dims);
+    losses_ = {};
+    inexact_ = 0;
 }
 
 void TransformEach::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

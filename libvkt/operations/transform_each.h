@@ -26,12 +26,15 @@ public:
     std::string_view name() const override { return "transform"; }
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& parameters) override;
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 private:
+    Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
+
     VoxelFunction function_;
     std::optional<DataType> dtype_;
     Roi region_;

@@ -99,10 +99,7 @@ void Watershed::check() const {
                     "leave one of them out");
 }
 
-Plan Watershed::plan(std::span<Header const> inputs) {
-    headers_.assign(inputs.begin(), inputs.end());
-    result_ = {};
-    sizes_.clear();
+Plan Watershed::plan(std::span<Header const> inputs) const {
     Header const& first = inputs.front();
     Plan plan;
     plan.output = first;
@@ -133,11 +130,14 @@ Plan Watershed::plan(std::span<Header const> inputs) {
     if (on != Relief::value) bytes += 4 * static_cast<double>(first.voxels());
     if (mask || on == Relief::distance) bytes += static_cast<double>(first.voxels());
     plan.state_bytes = static_cast<std::size_t>(bytes);
-    if (on == Relief::distance) { // refuses what it cannot measure
-        Distance distance;
-        plan.state_bytes += distance.plan({&first, 1}).state_bytes;
-    }
+    if (on == Relief::distance) plan.state_bytes += Distance().plan({&first, 1}).state_bytes; // or it is refused
     return plan;
+}
+
+void Watershed::begin(std::span<Header const> inputs, Plan const&) {
+    headers_.assign(inputs.begin(), inputs.end());
+    result_ = {};
+    sizes_.clear();
 }
 
 std::vector<std::uint8_t> Watershed::taking_part(std::span<ConstView const> inputs) const {
@@ -186,7 +186,7 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
             gradient_into(inputs[0], header, reinterpret_cast<float*>(to.data), execution);
         } else {
             Distance distance;
-            distance.plan({&header, 1});
+            begun(distance, {&header, 1});
             distance.run(inputs.first(1), to, execution);
         }
         values = to;

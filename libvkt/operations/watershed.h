@@ -44,7 +44,8 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     /// Throws Error{usage} if the volumes do not lie on one another or the markers are no integers.
-    Plan plan(std::span<Header const> inputs) override;
+    Plan plan(std::span<Header const> inputs) const override;
+    void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const&, int) const override { return box_of(headers_.front().dims); }
     /// Throws Error{data} if there is no marker.
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;

@@ -77,7 +77,7 @@ double read_seconds(std::byte const* from, std::size_t bytes, int threads) {
 /// Whole volumes in warm memory, without the engine: the kernel itself.
 void run(benchmark::State& state, Operation& operation, DataType type, bool reads = true) {
     Volume const in = volume_of(state.range(0), type);
-    Header const planned = operation.plan(std::vector<Header>{in.header()}).output;
+    Header const planned = begun(operation, std::vector<Header>{in.header()}).output;
     Volume out(planned);
     AnyView const to = out.mutable_view();
     std::memset(to.data, 0, to.bytes());
@@ -89,7 +89,7 @@ void run(benchmark::State& state, Operation& operation, DataType type, bool read
         2 * static_cast<double>(part) / copy_seconds(in.view().data, to.data, part, execution.threads);
     double best = 1e30;
     for (auto _ : state) {
-        (void)operation.plan(std::vector<Header>{in.header()}); // forgets what an earlier run left behind
+        (void)begun(operation, std::vector<Header>{in.header()}); // forgets what an earlier run left behind
         operation.fit(to.box.dims(), execution);
         auto const begin = std::chrono::steady_clock::now();
         operation.run({&window, 1}, to, execution);

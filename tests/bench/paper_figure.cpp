@@ -92,7 +92,7 @@ void time_on_grid(Named const& volume, std::string const& name, std::string cons
     Header header;
     header.dims = volume.dims;
     header.dtype = volume.type;
-    Header const output = operation->plan(std::vector<Header>{header}).output;
+    Header const output = begun(*operation, std::vector<Header>{header}).output;
     Box const box = box_of(output.dims), need = operation->footprint(box, 0);
     Space const space = execution.space();
     Buffer in_memory(static_cast<std::size_t>(need.voxels()) * size_of(volume.type)), out_memory(output.bytes());
@@ -101,7 +101,7 @@ void time_on_grid(Named const& volume, std::string const& name, std::string cons
     ConstView const in = dense_view(in_memory.read(space), volume.type, need, space);
     AnyView const out = dense_view(out_memory.update(space), output.dtype, box, space);
     line(name, volume.name, policy, best_of(execution, [&] {
-             (void)operation->plan(std::vector<Header>{header}); // forgets what an earlier run left behind
+             (void)begun(*operation, std::vector<Header>{header}); // forgets what an earlier run left behind
              operation->fit(output.dims, execution);
              operation->run({&in, 1}, out, execution);
          }));

@@ -179,7 +179,7 @@ void compare(Operation& operation, Twin& in, std::string const& what, double bou
     std::unique_ptr<Twin> out;
     std::string said[2];
     for (Execution const& execution : {cpu(), gpu()}) {
-        Plan const plan = operation.plan(headers);
+        Plan const plan = begun(operation, headers);
         Header const planned = plan.output;
         // Otherwise host code would be given device memory; the command runs it on the CPU and says so.
         if (!operation.runs_on_gpu()) {
@@ -434,7 +434,7 @@ template <class Line> void time_words(std::vector<std::string> words, DataType t
     Header header;
     header.dims = {n, n, n};
     header.dtype = type;
-    Header const output = operation->plan(std::vector<Header>{header}).output;
+    Header const output = begun(*operation, std::vector<Header>{header}).output;
     Box const box = box_of(output.dims), need = operation->footprint(box, 0);
     Execution const execution = gpu();
     Buffer in_memory(static_cast<std::size_t>(need.voxels()) * size_of(type)), out_memory(output.bytes());
@@ -442,7 +442,7 @@ template <class Line> void time_words(std::vector<std::string> words, DataType t
     ConstView const in = dense_view(in_memory.read(Space::device), type, need, Space::device);
     AnyView const out = dense_view(out_memory.write(Space::device), output.dtype, box, Space::device);
     double const ms = best_ms([&] {
-        (void)operation->plan(std::vector<Header>{header}); // forgets what is kept
+        (void)begun(*operation, std::vector<Header>{header}); // forgets what is kept
         operation->fit(output.dims, execution);
         operation->run({&in, 1}, out, execution);
     });
@@ -469,7 +469,7 @@ void time_scan(Operation& reduction, std::string const& what, DataType type, std
             copy_to_device(to + at, part.data(), std::min(part.size(), header.bytes() - at));
         ConstView const in = dense_view(static_cast<std::byte const*>(to), type, box_of(header.dims), Space::device);
         double const ms = best_ms([&] {
-            (void)reduction.plan(std::vector<Header>{header});
+            (void)begun(reduction, std::vector<Header>{header});
             do {
                 reduction.scan(in, gpu());
                 reduction.scan_end();
@@ -541,13 +541,13 @@ template <class Line> void time_shapes(std::int64_t n, Line const& line) {
     auto const time = [&](std::string const& words, std::string const& what) {
         if (!is_wanted(words)) return;
         auto const operation = operation_of(words_of(words));
-        Header const output = operation->plan(std::vector<Header>{header}).output;
+        Header const output = begun(*operation, std::vector<Header>{header}).output;
         ConstView const in =
             dense_view(in_memory.read(Space::device), header.dtype, box_of(header.dims), Space::device);
         AnyView const out =
             dense_view(out_memory.write(Space::device), output.dtype, box_of(output.dims), Space::device);
         double const ms = best_ms([&] {
-            if (operation->plan(std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
+            if (begun(*operation, std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
             operation->run({&in, 1}, out, gpu());
         });
         line(words + ", " + what, ms, static_cast<double>(in.bytes() + out.bytes()));
@@ -576,7 +576,7 @@ template <class Line> void time_small(DataType type, Line const& line) {
         if (!filled) randomise(noise, 5);
         filled = true;
         auto const operation = operation_of(words_of(words));
-        Header const output = operation->plan(std::vector<Header>{header}).output;
+        Header const output = begun(*operation, std::vector<Header>{header}).output;
         Box const box = box_of(output.dims), need = operation->footprint(box, 0);
         Twin around(type, need, 0);
         fill_border(around.view(Space::device), box_of(header.dims), header.dims, Boundary::clamp, 0, gpu());
@@ -584,7 +584,7 @@ template <class Line> void time_small(DataType type, Line const& line) {
         ConstView const grown = need == box_of(header.dims) ? in : ConstView(around.view(Space::device));
         AnyView const out = dense_view(out_memory.write(Space::device), output.dtype, box, Space::device);
         double const ms = best_ms([&] {
-            if (operation->plan(std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
+            if (begun(*operation, std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
             operation->fit(output.dims, gpu());
             operation->run({&grown, 1}, out, gpu());
         });
@@ -622,13 +622,13 @@ void time_all() {
             line("copy", copied, 2 * static_cast<double>(bytes));
             auto time = [&](Operation& operation, std::string const& what) {
                 if (!is_wanted(what)) return;
-                Header const output = operation.plan(std::vector<Header>{header}).output;
+                Header const output = begun(operation, std::vector<Header>{header}).output;
                 Box const box = box_of(output.dims), need = operation.footprint(box, 0);
                 ConstView const in = ConstView(dense_view(from, type, box_of(header.dims), Space::device)).part(need);
                 AnyView const out = dense_view(to, output.dtype, box, Space::device);
                 Execution const execution = gpu();
                 double const ms = best_ms([&] {
-                    (void)operation.plan(std::vector<Header>{header}); // forgets kept planes
+                    (void)begun(operation, std::vector<Header>{header}); // forgets kept planes
                     operation.fit(output.dims, execution);
                     operation.run({&in, 1}, out, execution);
                 });

@@ -38,7 +38,7 @@ public:
         Parameters parameters;
         operation_->parameters(parameters);
         read_words({"--sigma", "2"}, {&parameters});
-        (void)operation_->plan({&header_, 1});
+        (void)begun(*operation_, {&header_, 1});
         result_ = {{0, 0, begin}, {header.dims.x, header.dims.y, end}};
         from_ = operation_->footprint(result_, 0);
         in_.reserve(bytes_of(from_));

@@ -31,9 +31,10 @@ public:
     }
 
 protected:
-    void prepare(Header const& in, Plan& plan) override {
+    void prepare(Header const& /*in*/, Index3 /*cell_width*/) override { reach_ = {1, 1, 1}; }
+
+    void describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const override {
         require_border_voxel(in);
-        reach_ = {1, 1, 1};
         plan.method = "27 voxels in float64";
         plan.cost = 27;
         plan.error.kind = ErrorBound::Kind::bound;

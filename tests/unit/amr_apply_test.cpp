@@ -19,13 +19,15 @@ public:
     explicit BoxMean(Boundary boundary) : boundary_(boundary) {}
     std::string_view name() const override { return "box-mean"; }
     Shape shape() const override { return Shape::neighbourhood; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         plan.boundary = boundary_;
         plan.border_value = 3;
-        spacings.push_back(inputs[0].geometry.spacing.x);
         return plan;
+    }
+    void begin(std::span<Header const> inputs, Plan const&) override {
+        spacings.push_back(inputs[0].geometry.spacing.x);
     }
     Box footprint(Box const& output, int) const override { return grow(output, {2, 1, 2}); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const&) override {
@@ -55,7 +57,7 @@ public:
     Shape shape() const override { return Shape::pointwise; }
     int inputs() const override { return inputs_; }
     bool uses_position() const override { return positions_; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         return plan;
@@ -86,7 +88,7 @@ public:
     std::string_view name() const override { return "mean"; }
     Shape shape() const override { return Shape::reduction; }
     bool uses_position() const override { return false; }
-    Plan plan(std::span<Header const>) override { return {}; }
+    Plan plan(std::span<Header const>) const override { return {}; }
     void enter_level(Index3 width, Index3) override { weight_ = static_cast<double>(width.x * width.y * width.z); }
     void scan(ConstView slab, Execution const&) override {
         View<float const> const in = slab.as<float>();
@@ -165,7 +167,7 @@ TEST(AmrApply, NeighbourhoodsSeeAcrossLevels) {
     Volume const constant = make_amr(small_recipe(AmrField::constant), execution());
     BoxMean mean(Boundary::mirror);
     for (float const v : values_of<float>(apply_hierarchical(mean, {constant}, execution()))) ASSERT_NEAR(v, 1, 1e-6);
-    // Planned once a level, with the level's own spacing.
+    // Begun once a level, with the level's own spacing.
     ASSERT_EQ(static_cast<int>(mean.spacings.size()),
               static_cast<int>(summarise(constant.header().dims, constant.bricks()).levels.size()));
     for (std::size_t i = 1; i < mean.spacings.size(); ++i) EXPECT_EQ(mean.spacings[i], 2 * mean.spacings[i - 1]);

@@ -19,7 +19,7 @@ public:
     BoxSum(Index3 radius, Boundary boundary) : radius_(radius), boundary_(boundary) {}
     std::string_view name() const override { return "box sum"; }
     Shape shape() const override { return Shape::neighbourhood; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         plan.boundary = boundary_;
@@ -53,13 +53,13 @@ class FlipZ : public Operation {
 public:
     std::string_view name() const override { return "flip z"; }
     Shape shape() const override { return Shape::geometric; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         plan.access = Access::random;
-        n_ = inputs[0].dims.z;
         return plan;
     }
+    void begin(std::span<Header const> inputs, Plan const&) override { n_ = inputs[0].dims.z; }
     Box footprint(Box const& o, int) const override {
         return {{o.lower.x, o.lower.y, n_ - o.upper.z}, {o.upper.x, o.upper.y, n_ - o.lower.z}};
     }
@@ -80,13 +80,15 @@ class SubtractMinimum : public Operation {
 public:
     std::string_view name() const override { return "subtract minimum"; }
     Shape shape() const override { return Shape::pointwise; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         plan.scans = true;
+        return plan;
+    }
+    void begin(std::span<Header const> inputs, Plan const&) override {
         least_ = std::numeric_limits<std::int32_t>::max();
         seen_ = PieceOrder(inputs[0].dims);
-        return plan;
     }
     void scan(ConstView slab, Execution const&) override {
         EXPECT_TRUE(seen_.takes(slab.box)) << "slabs must come in order";
@@ -116,7 +118,7 @@ public:
     explicit CutOut(Box box) : box_(box) {}
     std::string_view name() const override { return "cut"; }
     Shape shape() const override { return Shape::geometric; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         plan.output.dims = box_.dims();
@@ -137,7 +139,7 @@ class Halve : public Operation {
 public:
     std::string_view name() const override { return "halve"; }
     Shape shape() const override { return Shape::geometric; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs[0];
         for (int i = 0; i < 3; ++i) plan.output.dims[i] = (inputs[0].dims[i] + 1) / 2;

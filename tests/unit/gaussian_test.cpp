@@ -176,7 +176,7 @@ TEST(Gaussian, ResultsDoNotDependOnCuttingOrThreads) {
                 // A part asked for on its own, out of order.
                 Box const part{{31, 5, 11}, {140, 66, 29}};
                 Volume cut(header_of(part.dims(), type));
-                operation.plan(std::vector<Header>{in.header()});
+                begun(operation, std::vector<Header>{in.header()});
                 ConstView const window =
                     in.view().part(intersect(operation.footprint(part, 0), box_of(in.header().dims)));
                 if (!(window.box == operation.footprint(part, 0))) continue; // wraps in z: the engine's part
@@ -194,7 +194,7 @@ TEST(Gaussian, NanAndInfinityStayWithinTheKernel) {
         Volume in = noise_volume({60, 50, 40}, DataType::float32, 6);
         *reinterpret_cast<float*>(in.mutable_view().at(30, 20, 25)) = bad;
         Gaussian operation = gaussian({2, 1, 1.5});
-        operation.plan(std::vector<Header>{in.header()});
+        begun(operation, std::vector<Header>{in.header()});
         Box const box = operation.footprint({{30, 20, 25}, {31, 21, 26}}, 0);
         Volume const out = apply(operation, {in}, with(2));
         for (std::int64_t z = 0; z < 40; ++z)

@@ -218,7 +218,7 @@ TEST(Operations, StatisticsMergeAsIfTheVolumeWereOne) {
         std::vector<StatisticsResult> results;
         for (std::int64_t const height : {29, 1, 4}) {
             Statistics statistics;
-            statistics.plan(headers);
+            begun(statistics, headers);
             for (std::int64_t z = 0; z < 29; z += height)
                 statistics.scan(in.view().part(intersect({{0, 0, z}, {37, 5, z + height}}, box_of(in.header().dims))),
                                 {});
@@ -243,7 +243,7 @@ TEST(Operations, StatisticsMergePiecesOfSlicesToo) {
             for (std::int64_t const steps : {100, 1, 3}) {
                 Statistics statistics;
                 if (part_only) statistics.roi = roi_of({2, 13, 1}, {37, 690, 3});
-                statistics.plan(headers);
+                begun(statistics, headers);
                 Box const part = statistics.scanned(box_of(in.header().dims));
                 std::int64_t const step = statistics.scan_step(part.dims());
                 EXPECT_LT(step, part.dims().y); // or there would be one piece

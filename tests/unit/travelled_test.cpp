@@ -33,7 +33,7 @@ class Forgetful : public Operation {
 public:
     std::string_view name() const override { return "forgetful"; }
     Shape shape() const override { return Shape::pointwise; }
-    Plan plan(std::span<Header const> inputs) override {
+    Plan plan(std::span<Header const> inputs) const override {
         Plan plan;
         plan.output = inputs.front();
         return plan;
