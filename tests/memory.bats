@@ -175,6 +175,37 @@ EOF
     done
 }
 
+@test "what works on whole volumes takes what its dry run says" {
+    vkt make noise --dims 8 8 8 --dtype uint8 -o tiny.nrrd
+    vkt make noise --dims 160 160 160 --dtype uint8 -o noise.nrrd
+    vkt make noise --dims 160 160 160 --dtype float32 -o floats.nrrd
+    vkt filter gaussian noise.nrrd --sigma 3 -o smooth.nrrd
+    vkt threshold smooth.nrrd --above 128 -o mask.nrrd
+    local command file said base most
+    while read -r file command; do
+        # shellcheck disable=SC2086
+        said=$(vkt $command $file.nrrd -n -o o.vkt --force 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
+        # shellcheck disable=SC2086
+        base=$(peak_kib vkt $command tiny.nrrd -q -o o.vkt --force)
+        # shellcheck disable=SC2086
+        most=$(peak_kib vkt $command $file.nrrd -q -o o.vkt --force)
+        echo "$command $file: $said MiB, in fact $(((most - base) / 1024))"
+        # A page or two of code, and no more than twice what is needed.
+        awk "BEGIN { taken = ($most - $base) / 1024; exit !(taken <= 1.1 * $said + 1.5 && $said <= 2.5 * taken + 8) }"
+    done <<'EOF'
+mask distance
+mask distance --signed
+noise distance
+smooth refine --tolerance 2
+floats refine --tolerance 0.01
+floats refine --tolerance 0.1 --block-size 4
+floats refine --tolerance 0.3 --block-size mixed
+smooth refine --tolerance noise --dtype auto --block-size auto
+smooth watershed
+EOF
+    fails_with 5 'memory' vkt refine floats.nrrd --tolerance 0.01 --memory 24M -o o.vkt --force
+}
+
 @test "what needs a little more than half of the budget for one row is not refused" {
     vkt make noise --dims 8 8 8 -o tiny.nrrd
     truncate -s 272M tall_1024x69632x1_float32.raw # a row of the result comes of 4.25 MiB

@@ -212,8 +212,23 @@ Plan Refine::plan(std::span<Header const> inputs) const {
     else
         plan.passing = ErrorPassing::averaged(1, values_of(in));
     plan.cost = block.best ? 1500 : 500;
-    plan.state_bytes = in.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(in.voxels() / 7) * sizeof(double);
+    plan.state_bytes = bytes_to_refine(in);
     return plan;
+}
+
+/// The volume, once more in another type, the means, trees that may keep all of its voxels, and what compares them with
+/// the volume.
+std::size_t Refine::bytes_to_refine(Header const& in) const {
+    auto const voxels = static_cast<double>(in.voxels());
+    // Of mixed blocks few stay as small as they can be.
+    double const cells = block.best ? 4 : block.mixed ? 4 : static_cast<double>(block.cells);
+    Index3 const n = in.dims;
+    double const flat = static_cast<double>((n.x == 1 ? 1 : 0) + (n.y == 1 ? 1 : 0) + (n.z == 1 ? 1 : 0));
+    double const bricks = voxels / std::pow(cells, 3 - flat);
+    double const volumes = 1 + (dtype ? 1 : 0) + (block.best ? 2 : 1);
+    double const bytes = volumes * static_cast<double>(in.bytes()) + voxels / 7 * sizeof(double) +
+                         bricks * (2 * sizeof(Brick) + Reconstructor::bytes_per_brick);
+    return static_cast<std::size_t>(std::min(bytes, 0x1p62));
 }
 
 void Refine::begin(std::span<Header const> inputs, Plan const&) {

@@ -81,6 +81,7 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    std::size_t bytes_to_refine(Header const& in) const;
     Volume best(Volume const& volume, RefineOptions options, Execution const& execution) const;
     render::TransferFunction const& function() const;
 
