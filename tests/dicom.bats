@@ -673,3 +673,77 @@ import json, sys, numpy
 i = json.load(sys.stdin)
 assert len(i) == 3 and numpy.allclose(numpy.array(i[0]["direction"][2]) * i[0]["spacing"][2], [0.4, 0, 3]), i'
 }
+
+@test "hundreds of damaged files of every kind: an exit code of errors, one line, no signal, whatever GDCM does" {
+    /usr/bin/python3 - <<'END'
+import os, random, re, shutil
+from concurrent.futures import ThreadPoolExecutor
+from common import *
+data = numpy.arange(5 * 16 * 16, dtype="u2").reshape(5, 16, 16)
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+sources = {}
+for name, syntax in (("explicit", ExplicitVRLittleEndian), ("implicit", ImplicitVRLittleEndian), ("big", ExplicitVRBigEndian)):
+    for undefined in False, True:
+        d = base("x", data, syntax=syntax); d.NumberOfFrames = 5
+        shared = Dataset(); shared.PlaneOrientationSequence = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]); shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1], SliceThickness=4)
+        d.SharedFunctionalGroupsSequence = Sequence([shared])
+        groups = []
+        for i in range(5):
+            f = Dataset(); f.PlanePositionSequence = item(ImagePositionPatient=[1, 2, float(10 + 4 * i)]); f.FrameContentSequence = item(StackID="1", InStackPositionNumber=i + 1, DimensionIndexValues=[1, i + 1]); groups.append(f)
+        d.PerFrameFunctionalGroupsSequence = Sequence(groups)
+        d.DimensionIndexSequence = item(DimensionIndexPointer=0x00209056)
+        if undefined:
+            for e in d.iterall():
+                if e.VR == "SQ":
+                    e.is_undefined_length = True
+                    for i in e.value: i.is_undefined_length_sequence_item = True
+        d.save_as("x"); sources[f"{name}{undefined}"] = open("x", "rb").read()
+d = base("x", data[0]); d.compress(RLELossless); d.save_as("x"); sources["rle"] = open("x", "rb").read()
+import base64
+d = base("x", (numpy.arange(30).reshape(5, 6) * 50 - 700).astype("i2"), bits=12, syntax=pydicom.uid.JPEGLSLossless)
+d.PixelData = pydicom.encaps.encapsulate([base64.b64decode("/9j/6AAgU1BJRkYAAgAAAQAAAAUAAAAGChAGAQAAASwAAAEs/+gACAAAAAH/2P/3AAsQAAUABgEBEQD/+AANAf//ABIAQwEUAED/2gAIAQEAAAAAAaHjHGGX5dreWIyRimCXoyZWrgAAAADSwAgCAAC1cAMsRci1GLK0WIrSpKUwAP/Z")]); d["PixelData"].is_undefined_length = True; d["PixelData"].VR = "OB"
+d.save_as("x"); sources["jls"] = open("x", "rb").read()
+os.makedirs("disc/ct"); slices("disc/ct", data, numpy.arange(5))
+records = []
+for k in range(5):
+    r = Dataset(); r.OffsetOfTheNextDirectoryRecord, r.RecordInUseFlag, r.OffsetOfReferencedLowerLevelDirectoryEntity = 0, 0xffff, 0
+    r.DirectoryRecordType, r.ReferencedFileID = "IMAGE", ["CT", f"{k}"]; records.append(r)
+d = base("x", data[0])
+for name in ("Rows", "Columns", "PixelData", "SamplesPerPixel", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "PhotometricInterpretation"): delattr(d, name)
+d.file_meta.MediaStorageSOPClassUID = "1.2.840.10008.1.3.10"; d.DirectoryRecordSequence = Sequence(records); d.save_as("x"); sources["DICOMDIR"] = open("x", "rb").read()
+def damaged(good, rng):
+    b = bytearray(good); head = min(len(b), 132 + 3000)
+    for _ in range(rng.randint(1, 4)):
+        at, how = rng.randrange(132, head), rng.randrange(7)
+        if how == 0: b[at % len(b)] ^= 1 << rng.randrange(8)
+        elif how == 1: b[at:at + 4] = rng.choice([b"\xff" * 4, b"\0" * 4, b"\xfe\xff\x00\xe0", b"\xfe\xff\x0d\xe0", b"\xfe\xff\xdd\xe0", b"\xff\xff\xff\x7f", b"\xfe\xff\xff\xff"])
+        elif how == 2: b = b[:rng.randrange(100, len(b))] or b
+        elif how == 3: del b[at:at + rng.randint(1, 9)]
+        elif how == 4: b[at:at] = b[at:at + rng.randint(1, 40)]
+        elif how == 5: # a length or type of an element: behind its tag
+            places = [m.start() for m in re.finditer(rb"[\x08\x10\x18\x20\x28\x04\x52]\0.[\0-\x94][A-Z][A-Z]", bytes(b[:head]), re.S)] or [at]
+            p = rng.choice(places) + rng.choice((4, 6, 8)); b[p:p + 2] = rng.choice([b"SQ", b"UN", b"OB", b"\xff\xff", b"\0\0", b"\x01\0", b"AT"])
+        else: b[at % len(b)] = rng.randrange(256)
+        head = min(len(b), head)
+        if head <= 140: break
+    return bytes(b)
+def trial(job):
+    name, i = job
+    rng = random.Random(f"{name} {i}")
+    folder = f"t/{name}{i}"; os.makedirs(folder)
+    file = f"{folder}/{'DICOMDIR' if name == 'DICOMDIR' else 'a.dcm'}"
+    if name == "DICOMDIR": os.symlink(os.path.abspath("disc/ct"), f"{folder}/CT")
+    open(file, "wb").write(damaged(sources[name], rng))
+    run = subprocess.run(["vkt", "stats", "--format", "dicom", file], capture_output=True, timeout=60)
+    lines = [l for l in run.stderr.decode().split("\n") if l]
+    assert run.returncode in (0, 2, 3, 4) and len(lines) <= (run.returncode != 0) + 1, (name, i, run.returncode, run.stderr)
+    assert run.returncode == 0 or (lines and file.encode() in run.stderr), (name, i, run.returncode, run.stderr)
+    shutil.rmtree(folder)
+    return run.returncode
+with ThreadPoolExecutor(2) as pool: codes = list(pool.map(trial, [(name, i) for name in sources for i in range(40)]))
+assert codes.count(3) > 50 and len(codes) == 360, {c: codes.count(c) for c in codes}
+END
+}

@@ -325,7 +325,7 @@ void Parser::lost(std::string const& deed) {
         lost_ = text("'", name_, "': ", kind == ErrorKind::data ? "damaged: " : "", "its reader ", did);
         lost_kind_ = kind;
     }
-    throw Error(lost_kind_, lost_);
+    throw Error(lost_kind_, lost_, lost_kind_ == ErrorKind::data ? "copy it again from where it came from" : "");
 }
 
 } // namespace vkt
