@@ -492,7 +492,7 @@ def flash2(name, nd, extra=0):
     raw = subprocess.check_output(f"vkt read {name} | vkt resample --method nearest --scale 1 | vkt write - --format raw", shell=True)
     assert numpy.array_equal(numpy.frombuffer(raw), want.ravel()), nd
     info = subprocess.check_output(["vkt", "info", name], text=True)
-    assert "time: 0.5" in info and "step: 42" in info and "FLASH 7" in info, info
+    assert "time: 0.5" in info and "step: 42" in info, info
 for nd in 1, 2, 3: flash2(f"old{nd}_hdf5_chk_0000", nd)
 flash2("corners_hdf5_plt_cnt_0000", 3, extra=1)
 flash2("corners2_hdf5_plt_cnt_0000", 2, extra=1)

@@ -202,7 +202,9 @@ void read_group(gdcm::DataSet const& group, Slice& slice) {
 void read_membership(gdcm::DataSet const& group, std::vector<Dimension> const& dimensions, Slice& slice) {
     std::vector<double> values;
     auto const number = [&](gdcm::DataSet const& set, std::uint16_t g, std::uint16_t e, char const* name) {
-        auto const v = element_values<double>(set, g, e);
+        auto v = element_values<double>(set, g, e);
+        if (v.empty()) // phases
+            for (float const value : element_values<float>(set, g, e)) v.push_back(double{value});
         bool const there = v.size() == 1 && std::isfinite(v[0]);
         if (there) slice.told[name] = to_text(v[0]);
         values.push_back(there ? v[0] : 0);

@@ -247,6 +247,8 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
         array_.filters.push_back(filter);
         return true;
     }
+    constexpr std::string_view of_numbers[] = {"delta", "fixedscaleoffset", "quantize", "astype", "bitround"};
+    if (std::find(std::begin(of_numbers), std::end(of_numbers), name) == std::end(of_numbers)) return false;
     if (!array_.filters.empty() && array_.filters.back().kind == Filter::Kind::bytes_apart)
         fail("a filter of numbers behind one of bytes, which is not read");
     if (name == "bitround") return true; // what was rounded stays so
@@ -261,8 +263,6 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
         filter.scale = number("scale");
         filter.offset = number("offset");
         if (!(std::abs(filter.scale) > 0)) fail("a filter whose scale is 0");
-    } else if (name != "quantize" && name != "astype") {
-        return false;
     }
     if (filter.from != before) fail("filters of other types than its own");
     array_.filters.push_back(filter);
