@@ -99,6 +99,9 @@ std::vector<std::byte> encode(FloatPicture const& picture) {
 }
 
 FloatPicture decode_unguarded(std::span<std::byte const> bytes, std::string const& name) {
+    // Before it takes memory for their lines.
+    Imf::Header::setMaxImageSize(most_picture_side, most_picture_side);
+    Imf::Header::setMaxTileSize(most_picture_side, most_picture_side);
     MemoryInput stream(bytes, name);
     Imf::InputFile file(stream, 0);
     Imf::Header const& header = file.header();
@@ -131,6 +134,12 @@ FloatPicture decode_unguarded(std::span<std::byte const> bytes, std::string cons
             throw Error(ErrorKind::data, text("it has more than ", most_planes, " channels"));
         picture.planes.push_back({i.name(), {}, i.channel().type == Imf::HALF});
     }
+    // Nothing is allocated for what the file cannot hold: no compression packs more tightly than this.
+    constexpr double densest = 16384, at_least = 64 << 20;
+    double const needed = static_cast<double>(width * height) * 4 * static_cast<double>(picture.planes.size());
+    if (needed > std::max(at_least, densest * static_cast<double>(bytes.size())))
+        throw Error(ErrorKind::data, text("it ended early: ", width, " by ", height, " pixels in ",
+                                          bytes_text(static_cast<double>(bytes.size()))));
     for (FloatPicture::Plane& plane : picture.planes) {
         plane.values.resize(static_cast<std::size_t>(width * height));
         std::size_t const row = sizeof(float) * static_cast<std::size_t>(width);

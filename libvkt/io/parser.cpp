@@ -96,6 +96,10 @@ ParserLimits parser_limits(std::size_t budget, std::int64_t file_size) {
     std::size_t const wanted = std::max(std::min(budget, std::size_t{1} << 60), 64 * size);
     limits.memory = std::min(wanted, std::max(1024 * size, 256 * mebi)) + 256 * mebi;
     limits.seconds = static_cast<int>(std::clamp<std::int64_t>(file_size / 1000000, 600, 1 << 30));
+    // A small file has nothing that takes long between two reads; pictures of a large one may be decoded after all of
+    // it was read.
+    if (!sanitized_build)
+        limits.patience = static_cast<int>(std::clamp<std::int64_t>(10 + file_size / 4000000, 10, 60));
     if (char const* const asked = std::getenv("VKT_PARSER_PATIENCE"); asked != nullptr && *asked != '\0') {
         std::int64_t const seconds = parse_integer(asked);
         if (seconds < 1 || seconds > 1000000)
