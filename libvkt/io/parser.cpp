@@ -164,6 +164,13 @@ void Parser::end(bool kill) {
     }
 }
 
+void Parser::dismiss() {
+    if (socket_ >= 0) ::close(std::exchange(socket_, -1));
+    if (process_ >= 0) ::kill(process_, SIGKILL); // and waited for at the end
+    lost_ = text("'", name_, "': its reader was dismissed");
+    lost_kind_ = ErrorKind::failure;
+}
+
 void Parser::send(Message const& request) {
     if (!lost_.empty()) lost();
     if (!send_message(socket_, request)) nobody_there();

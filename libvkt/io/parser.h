@@ -55,6 +55,9 @@ public:
     /// Request and answer, once those under way that nobody waits for have come.
     Message ask(Message const& request);
 
+    /// Ends the child, of which nothing is wanted any more; its memory goes while this process works on.
+    void dismiss();
+
     /// Memory that both sides see, which the child may fill while this side reads another part of it. Once.
     std::span<std::byte const> share(std::size_t bytes);
 
