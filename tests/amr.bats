@@ -353,6 +353,160 @@ print(zlib.decompress(data).hex())" "$1"; }
     done
 }
 
+# plots.py: plotfiles as AMReX writes them, of every version of its tables of boxes.
+plots() {
+    python_with numpy
+    cat >plots.py <<'END'
+import os, re, struct, subprocess, sys, numpy
+def corner(v): return "(" + ",".join(map(str, v)) + ")"
+def box(b, kind=None): return f"({corner(b[0])} {corner([u - 1 for u in b[1]])} {corner(kind or [0] * len(b[0]))})"
+def descriptor(code, big):
+    n = int(code[1])
+    return f"((8, ({'64 11 52 0 1 12 0 1023' if n == 8 else '32 8 23 0 1 9 0 127'})),({n}, ({' '.join(map(str, range(1, n + 1) if big else range(n, 0, -1)))})))"
+def plot(root, levels, boxes, ratio, version=1, code="f8", big=False, ghosts=0, names=("rho", "vel x"), files=2, kind=None, label="HyperCLaw-V1.1", ratios=None):
+    """levels: for each, arrays of its whole domain, z, y, x, one for each name; boxes: for each, (lower, upper) as x, y, z."""
+    nd = levels[0][0].ndim
+    domains = [([0] * nd, list(a[0].shape[::-1])) for a in levels]
+    head = [label, len(names), *names, nd, 0.25, len(levels) - 1, " ".join(["0"] * nd), " ".join(map(str, domains[0][1])),
+            ratios if ratios is not None else " ".join([str(ratio)] * (len(levels) - 1)), " ".join(map(box, domains)), " ".join(["3"] * len(levels))]
+    head += [" ".join([str(1 / ratio ** l)] * nd) for l in range(len(levels))] + [0, 0]
+    for l, (data, parts) in enumerate(zip(levels, boxes)):
+        head += [f"{l} {len(parts)} 0.25", 3] + [f"{a / ratio ** l} {b / ratio ** l}" for p in parts for a, b in zip(*p)] + [f"Level_{l}/Cell"]
+        os.makedirs(f"{root}/Level_{l}", exist_ok=True)
+        out, disk, least, most = [b""] * files, [], [], []
+        for i, (lower, upper) in enumerate(parts):
+            f = i * files // len(parts) if version != 2 else i % files
+            disk.append(f"FabOnDisk: Cell_D_{f:05d} {len(out[f])}")
+            cells = [a[tuple(slice(x, y) for x, y in zip(lower, upper))[::-1]] for a in data]
+            least.append("".join(f"{a.min():.17g}," for a in cells)); most.append("".join(f"{a.max():.17g}," for a in cells))
+            grown = ([x - ghosts for x in lower], [x + ghosts for x in upper])
+            if version < 2: out[f] += f"FAB {descriptor(code, big)}{box(grown, kind)} {len(names)}\n".encode()
+            for a in cells: out[f] += numpy.pad(a, ghosts, constant_values=numpy.nan).astype((">" if big else "<") + code).tobytes()
+        for f, b in enumerate(out):
+            if b: open(f"{root}/Level_{l}/Cell_D_{f:05d}", "wb").write(b)
+        table = [version, 1, len(names), ghosts, f"({len(parts)} 0", *[box(p, kind) for p in parts], ")", len(parts), *disk, ""]
+        if version in (0, 1, 3): table += [f"{len(parts)},{len(names)}", *least, "", f"{len(parts)},{len(names)}", *most, ""]
+        if version == 4: table += ["".join(f"{f(a):.17g}," for a in data) for f in (numpy.min, numpy.max)]
+        if version >= 2: table += [descriptor(code, big)]
+        open(f"{root}/Level_{l}/Cell_H", "w").write("\n".join(map(str, table)) + "\n")
+    open(f"{root}/Header", "w").write("\n".join(map(str, head)) + "\n")
+def example(root, nd=3, **more):
+    """Two levels of random numbers, two boxes each; returns what the finest cells everywhere are."""
+    rng = numpy.random.default_rng(4)
+    small = (4, 8, 16)[3 - nd:]
+    coarse = [rng.random(small).astype("f4").astype("f8") for _ in range(2)]
+    fine = [rng.random([2 * n for n in small]).astype("f4").astype("f8") for _ in range(2)]
+    top = list(small[::-1])
+    halves = [([0] * nd, [top[0] // 2] + top[1:]), ([top[0] // 2] + [0] * (nd - 1), top)]
+    parts = [([4, 4, 0][:nd], [8, 8, 4][:nd]), ([8, 4, 0][:nd], [12, 8, 8][:nd])]
+    plot(root, [coarse, fine], [halves, parts], 2, **more)
+    want = []
+    for k in range(2):
+        whole = coarse[k]
+        for a in range(nd): whole = whole.repeat(2, a)
+        for lower, upper in parts:
+            part = tuple(slice(x, y) for x, y in zip(lower, upper))[::-1]
+            whole[part] = fine[k][part]
+        want.append(whole)
+    return want
+def grid(root, name, code):
+    raw = subprocess.check_output(["bash", "-c", "set -o pipefail; vkt read \"$1\" --variable \"$2\" | vkt resample --method nearest --scale 1 | vkt write - --format raw", "", root, name])
+    return numpy.frombuffer(raw, code)
+END
+}
+
+@test "AMReX: every version of tables, kind of numbers, order of bytes, several boxes in a file, ghost cells, one to three dimensions" {
+    plots
+    /usr/bin/python3 - <<'END'
+from plots import *
+n = 0
+for version in 0, 1, 2, 3, 4:
+    for code in "f4", "f8":
+        for big in False, True:
+            root = f"plt{n:05d}"
+            nd = 3 - n % 3
+            want = example(root, nd, version=version, code=code, big=big, ghosts=n % 2)
+            for name, values in zip(("rho", "vel x"), want):
+                got = grid(root, name, code)
+                assert got.size == values.size, (version, nd, got.size, values.shape)
+                assert numpy.array_equal(got, values.ravel()), (version, code, big, nd, name)
+            n += 1
+want = example("one", version=4, files=1)
+assert numpy.array_equal(grid("one", "rho", "f8"), want[0].ravel())
+END
+}
+
+@test "AMReX: nodes, checkpoints, ratios that differ by axis, and bare records that end early are refused, and why" {
+    plots
+    /usr/bin/python3 -c '
+from plots import *
+example("nodes", kind=[1, 0, 0])
+example("nodes4", kind=[1, 1, 1], version=4)
+example("chk", label="Checkpoint version: 1")
+example("axes", ratios="((2,2,1))")
+example("three", ratios="3")
+example("short", version=2)
+b = open("short/Level_1/Cell_D_00000", "rb").read(); open("short/Level_1/Cell_D_00000", "wb").write(b[:-8])
+example("future", version=7)
+example("kind", version=4)
+t = open("kind/Level_0/Cell_H").read(); open("kind/Level_0/Cell_H", "w").write(t[:t.rindex("((")])'
+    fails_with 3 "at nodes or faces of cells, and only those of cells are read" vkt info nodes
+    fails_with 3 "at nodes or faces" vkt info nodes4
+    fails_with 3 "is the header of a checkpoint" vkt info chk
+    fails_with 3 "refinement ratios differ between axes" vkt info axes
+    fails_with 3 "refinement ratio 3 is not a power of two" vkt info three
+    fails_with 3 "ended early" vkt read short --variable rho -o x.vkt
+    fails_with 3 "version is not in 0" vkt info future
+    fails_with 3 "ended early" vkt info kind
+}
+
+@test "FLASH: the names of version 2, blocks of two dimensions, values at corners, files of particles" {
+    python_with h5py numpy
+    /usr/bin/python3 - <<'END'
+import h5py, numpy, subprocess
+rng = numpy.random.default_rng(2)
+def flash2(name, nd, extra=0):
+    """FLASH 2: 'file format version' and 'simulation parameters' are datasets of their own."""
+    n = (8, 6, 4)[:nd]
+    blocks = 1 + 2 ** nd # a root and its leaves
+    shape = tuple(n[a] + extra if a < nd else 1 for a in range(3))[::-1]
+    data = rng.random((blocks,) + shape)
+    with h5py.File(name, "w") as f:
+        f["file format version"] = numpy.array([7], "i4")
+        f["simulation parameters"] = numpy.array([(blocks, 0.5, 0.01, 0.0, 42, *(n + (1,) * (3 - nd)))], [(k, t) for k, t in (
+            ("total blocks", "i4"), ("time", "f8"), ("timestep", "f8"), ("redshift", "f8"), ("number of steps", "i4"), ("nxb", "i4"), ("nyb", "i4"), ("nzb", "i4"))])
+        f["unknown names"] = numpy.array([[b"dens"]], "S4")
+        f["refine level"] = numpy.array([1] + [2] * (blocks - 1), "i4")
+        f["node type"] = numpy.array([2] + [1] * (blocks - 1), "i4")
+        f["gid"] = numpy.full((blocks, 2 * nd + 1 + 2 ** nd), -1, "i4")
+        low = numpy.array([[0] * nd] + [[(k >> a & 1) / 2 for a in range(nd)] for k in range(blocks - 1)])
+        size = numpy.array([[1.0] * nd] + [[0.5] * nd] * (blocks - 1))
+        f["coordinates"], f["block size"] = low + size / 2, size
+        f["bounding box"] = numpy.stack([low, low + size], -1)
+        f["dens"] = data
+    if extra: return
+    want = numpy.zeros(tuple(2 * n[a] if a < nd else 1 for a in range(3))[::-1])
+    for k in range(blocks - 1):
+        at = [(k >> a & 1) * n[a] if a < nd else 0 for a in range(3)]
+        want[at[2]:at[2] + shape[0], at[1]:at[1] + shape[1], at[0]:at[0] + shape[2]] = data[1 + k]
+    raw = subprocess.check_output(f"vkt read {name} | vkt resample --method nearest --scale 1 | vkt write - --format raw", shell=True)
+    assert numpy.array_equal(numpy.frombuffer(raw), want.ravel()), nd
+    info = subprocess.check_output(["vkt", "info", name], text=True)
+    assert "time: 0.5" in info and "step: 42" in info, info
+for nd in 1, 2, 3: flash2(f"old{nd}_hdf5_chk_0000", nd)
+flash2("corners_hdf5_plt_cnt_0000", 3, extra=1)
+flash2("corners2_hdf5_plt_cnt_0000", 2, extra=1)
+with h5py.File("run_hdf5_part_0000", "w") as f:
+    f["sim info"] = numpy.array([(9,)], [("file format version", "i4")])
+    f["particle names"] = numpy.array([[b"posx"], [b"posy"]], "S24")
+    f["tracer particles"] = rng.random((50, 2))
+END
+    for file in corners_hdf5_plt_cnt_0000 corners2_hdf5_plt_cnt_0000; do
+        fails_with 3 "holds values at the corners of cells" vkt stats $file
+    done
+    fails_with 3 "is a FLASH file of particles" vkt info run_hdf5_part_0000
+}
+
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree
     look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"

@@ -562,3 +562,188 @@ END
     fails_with 3 "its runs of bytes are no frame" vkt stats bad.dcm
     fails_with 3 "its runs of bytes are no frame" vkt stats runs.dcm
 }
+
+@test "frames of several stacks, times, diffusion weights and segments are volumes of a series, or series of their own" {
+    cat >frames.py <<'END'
+from common import *
+STACK, IN_STACK, TIME, B, POSITION, SEGMENT = 0x00209056, 0x00209057, 0x00209128, 0x00189087, 0x00200032, 0x0062000b
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+def enhanced(name, frames, dims=(), seed=1):
+    """frames: dictionaries of pixels, pos and what else they are said to be; they are shuffled."""
+    frames = [frames[i] for i in numpy.random.default_rng(seed).permutation(len(frames))]
+    d = base(name, numpy.stack([f["pixels"] for f in frames]), modality=frames[0].get("modality", "MR")); d.NumberOfFrames = len(frames)
+    d.DimensionIndexSequence = Sequence([])
+    for tag in dims:
+        x = Dataset(); x.DimensionIndexPointer = tag; d.DimensionIndexSequence.append(x)
+    shared = Dataset(); shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1], SliceThickness=3)
+    d.SharedFunctionalGroupsSequence, groups = Sequence([shared]), []
+    for f in frames:
+        g = Dataset()
+        g.PlanePositionSequence = item(ImagePositionPatient=[float(v) for v in f["pos"]])
+        g.PlaneOrientationSequence = item(ImageOrientationPatient=list(f.get("orient", (1, 0, 0, 0, 1, 0))))
+        content = {}
+        if "stack" in f: content |= dict(StackID=str(f["stack"]), InStackPositionNumber=f["place"])
+        if "time" in f: content["TemporalPositionIndex"] = f["time"]
+        if dims: content["DimensionIndexValues"] = f["index"]
+        if content: g.FrameContentSequence = item(**content)
+        if "b" in f:
+            diffusion = dict(DiffusionBValue=float(f["b"]))
+            if "gradient" in f: diffusion["DiffusionGradientDirectionSequence"] = item(DiffusionGradientOrientation=list(map(float, f["gradient"])))
+            g.MRDiffusionSequence = item(**diffusion)
+        if "phase" in f: g.CardiacSynchronizationSequence = item(NominalPercentageOfCardiacPhase=float(f["phase"]))
+        if "segment" in f: g.SegmentIdentificationSequence = item(ReferencedSegmentNumber=f["segment"])
+        groups.append(g)
+    d.PerFrameFunctionalGroupsSequence = Sequence(groups); d.save_as(name)
+v = numpy.random.default_rng(21).integers(0, 4000, (3, 4, 8, 9)).astype("u2")
+w = numpy.random.default_rng(22).integers(0, 4000, (2, 3, 4, 8, 9)).astype("u2")
+def at(z, more=0): return (1, 2, 10 + 3 * z + more)
+weights = (0, 500, 1000)
+def same(name, want, *options):
+    got = voxels(name, *options)
+    assert got.tobytes() == want.tobytes(), name
+    i = infos(name, *options)
+    assert len(i) == (len(want) if want.ndim == 4 else 1) and i[0]["dims"] == [9, 8, 4] and i[0]["spacing"] == [1, 2, 3], (name, i[0])
+    return i
+END
+    /usr/bin/python3 - <<'END'
+from frames import *
+cells = [(k, z) for k in range(3) for z in range(4)]
+# Diffusion weights, by dimension indices and without.
+frames = [dict(pixels=v[k, z], pos=at(z), b=weights[k], stack=1, place=z + 1, index=[1, z + 1, k + 1]) for k, z in cells]
+for dims in (STACK, IN_STACK, B), ():
+    enhanced("b.dcm", frames, dims)
+    assert [i["attributes"]["b value"] for i in same("b.dcm", v)] == ["0", "500", "1000"]
+frames = [dict(pixels=v[k, z], pos=at(z), b=1000 if k else 0, **({"gradient": (1, 0, 0) if k == 2 else (0, 1, 0)} if k else {})) for k, z in cells]
+enhanced("dti.dcm", frames)
+told = [i["attributes"].get("gradient direction") for i in same("dti.dcm", v)]
+assert told == [None, "0 1 0", "1 0 0"], told
+# Times, cardiac phases, times of several weights.
+enhanced("time.dcm", [dict(pixels=v[k, z], pos=at(z), time=k + 1, index=[k + 1, z + 1]) for k, z in cells], (TIME, POSITION)); same("time.dcm", v)
+enhanced("phase.dcm", [dict(pixels=v[k, z], pos=at(z), phase=30 * k) for k, z in cells])
+assert [i["attributes"]["cardiac phase"] for i in same("phase.dcm", v)] == ["0", "30", "60"]
+frames = [dict(pixels=w[t, k, z], pos=at(z), time=t + 1, b=weights[k], index=[t + 1, k + 1, z + 1]) for t in range(2) for k in range(3) for z in range(4)]
+enhanced("both.dcm", frames, (TIME, B, POSITION)); same("both.dcm", w.reshape(6, 4, 8, 9))
+# By what pydicom says of every frame: the order of its indices, the place last.
+d = pydicom.dcmread("both.dcm")
+def key(i): return list(d.PerFrameFunctionalGroupsSequence[i].FrameContentSequence[0].DimensionIndexValues)
+assert voxels("both.dcm").tobytes() == d.pixel_array[sorted(range(24), key=key)].tobytes()
+# Stacks in the same places are volumes, elsewhere or turned they are series; each a slice they are one volume.
+enhanced("same.dcm", [dict(pixels=v[k, z], pos=at(z), stack=k + 1, place=z + 1, index=[k + 1, z + 1]) for k, z in cells], (STACK, IN_STACK))
+assert [i["attributes"]["stack"] for i in same("same.dcm", v)] == ["1", "2", "3"]
+enhanced("apart.dcm", [dict(pixels=v[k, z], pos=at(z, 100 * k), stack=k + 1, place=z + 1, index=[k + 1, z + 1]) for k, z in cells], (STACK, IN_STACK))
+for k, name in enumerate(("4", "4-2", "4-3")):
+    assert same("apart.dcm", v[k], "--variable", name)[0]["origin"] == [1, 2, 10 + 100 * k]
+turned = (1, 0, 0, 0, 1, 0), (0, 1, 0, 0, 0, -1), (1, 0, 0, 0, 0, -1)
+frames = [dict(pixels=v[k, z], pos=numpy.array((1, 2, 10)) + 3 * z * numpy.cross(turned[k][:3], turned[k][3:]), orient=turned[k], stack=k + 1, place=z + 1, index=[k + 1, z + 1]) for k, z in cells]
+enhanced("survey.dcm", frames, (STACK, IN_STACK))
+seen = {}
+for name in ("4", "4-2", "4-3"):
+    i = infos("survey.dcm", "--variable", name)[0]
+    k = [list(t[:3]) + list(t[3:]) for t in turned].index(i["direction"][0] + i["direction"][1])
+    same("survey.dcm", v[k], "--variable", name); seen[k] = name
+assert len(seen) == 3
+enhanced("single.dcm", [dict(pixels=v[0, z], pos=at(z), stack=z + 1, place=1, index=[z + 1, 1]) for z in range(4)], (STACK, IN_STACK)); same("single.dcm", v[0])
+enhanced("segments.dcm", [dict(pixels=v[k, z], pos=at(z), segment=k + 1, index=[k + 1, z + 1], modality="SEG") for k, z in cells], (SEGMENT, POSITION))
+assert [i["attributes"]["segment"] for i in same("segments.dcm", v)] == ["1", "2", "3"]
+# A file for each time, whose frames are in orders of their own.
+import os
+os.mkdir("files")
+for k in range(3): enhanced(f"files/{k}", [dict(pixels=v[k, z], pos=at(z), time=k + 1, index=[k + 1, z + 1]) for z in range(4)], (TIME, POSITION), seed=k)
+same("files", v)
+# Refused: one frame less, one less of two volumes each, a gap, a slant.
+enhanced("missing.dcm", [dict(pixels=v[k, z], pos=at(z), time=k + 1, index=[k + 1, z + 1]) for k, z in cells if (k, z) != (1, 2)], (TIME, POSITION))
+less = [(k, z) for k, z in cells if (k, z) not in ((1, 0), (0, 1), (2, 2), (2, 3))]
+enhanced("mixed.dcm", [dict(pixels=v[k, z], pos=at(z), time=k + 1, index=[k + 1, z + 1]) for k, z in less], (TIME, POSITION))
+enhanced("weights.dcm", [dict(pixels=v[k, z], pos=at(z), b=weights[k]) for k, z in less])
+enhanced("gap.dcm", [dict(pixels=v[k, z], pos=at(z, 5 * (z == 3)), time=k + 1, index=[k + 1, z + 1]) for k, z in cells], (TIME, POSITION))
+enhanced("slant.dcm", [dict(pixels=v[k, z], pos=numpy.array(at(z)) + (0.4 * z, 0, 0), time=k + 1, index=[k + 1, z + 1]) for k, z in cells], (TIME, POSITION))
+END
+    vkt info apart.dcm | grep -q 'variable 4-2: MR, stack 2, 4 images of 9 by 8'
+    fails_with 3 "in the same places unequally often" vkt stats missing.dcm
+    fails_with 3 "its frames do not make whole volumes" vkt stats mixed.dcm
+    fails_with 3 "its frames do not make whole volumes" vkt stats weights.dcm
+    vkt read mixed.dcm --force-uniform | vkt info --json | grep -c '"dims"' | grep -qx 2
+    fails_with 3 "unequal distances" vkt stats gap.dcm
+    fails_with 3 "on a slant" vkt stats slant.dcm
+    vkt read slant.dcm --force-uniform | vkt info --json | /usr/bin/python3 -c '
+import json, sys, numpy
+i = json.load(sys.stdin)
+assert len(i) == 3 and numpy.allclose(numpy.array(i[0]["direction"][2]) * i[0]["spacing"][2], [0.4, 0, 3]), i'
+}
+
+@test "hundreds of damaged files of every kind: an exit code of errors, one line, no signal, whatever GDCM does" {
+    /usr/bin/python3 - <<'END'
+import os, random, re, shutil
+from concurrent.futures import ThreadPoolExecutor
+from common import *
+data = numpy.arange(5 * 16 * 16, dtype="u2").reshape(5, 16, 16)
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+sources = {}
+for name, syntax in (("explicit", ExplicitVRLittleEndian), ("implicit", ImplicitVRLittleEndian), ("big", ExplicitVRBigEndian)):
+    for undefined in False, True:
+        d = base("x", data, syntax=syntax); d.NumberOfFrames = 5
+        shared = Dataset(); shared.PlaneOrientationSequence = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]); shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1], SliceThickness=4)
+        d.SharedFunctionalGroupsSequence = Sequence([shared])
+        groups = []
+        for i in range(5):
+            f = Dataset(); f.PlanePositionSequence = item(ImagePositionPatient=[1, 2, float(10 + 4 * i)]); f.FrameContentSequence = item(StackID="1", InStackPositionNumber=i + 1, DimensionIndexValues=[1, i + 1]); groups.append(f)
+        d.PerFrameFunctionalGroupsSequence = Sequence(groups)
+        d.DimensionIndexSequence = item(DimensionIndexPointer=0x00209056)
+        if undefined:
+            for e in d.iterall():
+                if e.VR == "SQ":
+                    e.is_undefined_length = True
+                    for i in e.value: i.is_undefined_length_sequence_item = True
+        d.save_as("x"); sources[f"{name}{undefined}"] = open("x", "rb").read()
+d = base("x", data[0]); d.compress(RLELossless); d.save_as("x"); sources["rle"] = open("x", "rb").read()
+import base64
+d = base("x", (numpy.arange(30).reshape(5, 6) * 50 - 700).astype("i2"), bits=12, syntax=pydicom.uid.JPEGLSLossless)
+d.PixelData = pydicom.encaps.encapsulate([base64.b64decode("/9j/6AAgU1BJRkYAAgAAAQAAAAUAAAAGChAGAQAAASwAAAEs/+gACAAAAAH/2P/3AAsQAAUABgEBEQD/+AANAf//ABIAQwEUAED/2gAIAQEAAAAAAaHjHGGX5dreWIyRimCXoyZWrgAAAADSwAgCAAC1cAMsRci1GLK0WIrSpKUwAP/Z")]); d["PixelData"].is_undefined_length = True; d["PixelData"].VR = "OB"
+d.save_as("x"); sources["jls"] = open("x", "rb").read()
+os.makedirs("disc/ct"); slices("disc/ct", data, numpy.arange(5))
+records = []
+for k in range(5):
+    r = Dataset(); r.OffsetOfTheNextDirectoryRecord, r.RecordInUseFlag, r.OffsetOfReferencedLowerLevelDirectoryEntity = 0, 0xffff, 0
+    r.DirectoryRecordType, r.ReferencedFileID = "IMAGE", ["CT", f"{k}"]; records.append(r)
+d = base("x", data[0])
+for name in ("Rows", "Columns", "PixelData", "SamplesPerPixel", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "PhotometricInterpretation"): delattr(d, name)
+d.file_meta.MediaStorageSOPClassUID = "1.2.840.10008.1.3.10"; d.DirectoryRecordSequence = Sequence(records); d.save_as("x"); sources["DICOMDIR"] = open("x", "rb").read()
+def damaged(good, rng):
+    b = bytearray(good); head = min(len(b), 132 + 3000)
+    for _ in range(rng.randint(1, 4)):
+        at, how = rng.randrange(132, head), rng.randrange(7)
+        if how == 0: b[at % len(b)] ^= 1 << rng.randrange(8)
+        elif how == 1: b[at:at + 4] = rng.choice([b"\xff" * 4, b"\0" * 4, b"\xfe\xff\x00\xe0", b"\xfe\xff\x0d\xe0", b"\xfe\xff\xdd\xe0", b"\xff\xff\xff\x7f", b"\xfe\xff\xff\xff"])
+        elif how == 2: b = b[:rng.randrange(100, len(b))] or b
+        elif how == 3: del b[at:at + rng.randint(1, 9)]
+        elif how == 4: b[at:at] = b[at:at + rng.randint(1, 40)]
+        elif how == 5: # a length or type of an element: behind its tag
+            places = [m.start() for m in re.finditer(rb"[\x08\x10\x18\x20\x28\x04\x52]\0.[\0-\x94][A-Z][A-Z]", bytes(b[:head]), re.S)] or [at]
+            p = rng.choice(places) + rng.choice((4, 6, 8)); b[p:p + 2] = rng.choice([b"SQ", b"UN", b"OB", b"\xff\xff", b"\0\0", b"\x01\0", b"AT"])
+        else: b[at % len(b)] = rng.randrange(256)
+        head = min(len(b), head)
+        if head <= 140: break
+    return bytes(b)
+def trial(job):
+    name, i = job
+    rng = random.Random(f"{name} {i}")
+    folder = f"t/{name}{i}"; os.makedirs(folder)
+    file = f"{folder}/{'DICOMDIR' if name == 'DICOMDIR' else 'a.dcm'}"
+    if name == "DICOMDIR": os.symlink(os.path.abspath("disc/ct"), f"{folder}/CT")
+    open(file, "wb").write(damaged(sources[name], rng))
+    run = subprocess.run(["vkt", "stats", file], capture_output=True, timeout=60)
+    lines = [l for l in run.stderr.decode().split("\n") if l]
+    assert run.returncode in (0, 2, 3, 4) and len(lines) <= (run.returncode != 0) + 1, (name, i, run.returncode, run.stderr)
+    assert run.returncode == 0 or (lines and file.encode() in run.stderr), (name, i, run.returncode, run.stderr)
+    shutil.rmtree(folder)
+    return run.returncode
+with ThreadPoolExecutor(2) as pool: codes = list(pool.map(trial, [(name, i) for name in sources for i in range(40)]))
+assert codes.count(3) > 50 and len(codes) == 360, {c: codes.count(c) for c in codes}
+END
+}

@@ -172,3 +172,27 @@ b = open('a.png', 'rb').read(); open('cut.png', 'wb').write(b[:-40])"
     fails_with 2 "do not say which part" vkt render v.nrrd --tiles 1/3 -o a.pfm
     [ ! -e a.png ]
 }
+
+@test "damaged OpenEXR pictures end in an error, one line, and little memory" {
+    has_exr || skip "built without OpenEXR"
+    vkt make sphere --dims 16 16 16 | vkt render --size 40x30 -o a.exr
+    /usr/bin/python3 - <<'END'
+import os, random, subprocess
+good = open("a.exr", "rb").read()
+rng, codes, most = random.Random(3), [], 0
+for i in range(200):
+    b = bytearray(good); head = min(len(b), rng.choice((64, 400, len(b))))
+    if i % 4 == 0: at = rng.randrange(8, head - 4); b[at:at + 4] = rng.choice((b"\xff\xff\xff\x7f", b"\0\0\0\x40", b"\xff\xff\xff\xff", b"\0\0\x10\0"))
+    elif i % 4 == 1: b = b[:rng.randrange(len(b))]
+    else:
+        for _ in range(rng.randint(1, 6)): b[rng.randrange(head)] = rng.randrange(256)
+    open("b.exr", "wb").write(b)
+    run = subprocess.Popen(["vkt", "image", "diff", "b.exr", "a.exr"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    said = run.stderr.read()
+    _, status, used = os.wait4(run.pid, 0)
+    run.returncode = code = os.waitstatus_to_exitcode(status)
+    codes.append(code); most = max(most, used.ru_maxrss)
+    assert code in (0, 1, 2, 3, 4) and len(said.splitlines()) <= 2, (i, code, said)
+assert codes.count(3) > 60 and most < 400 << 10, (codes.count(3), most)
+END
+}

@@ -64,7 +64,7 @@ numpy.save("complex.npy", numpy.zeros((2, 3, 4), "c8"))
 numpy.save("structure.npy", numpy.zeros((2, 3), [("a", "f4"), ("b", "i2")]))
 numpy.save("text.npy", numpy.zeros((2, 3), "U5"))
 numpy.save("object.npy", numpy.array([[None]]), allow_pickle=True)
-numpy.save("five.npy", numpy.zeros((1, 2, 3, 2, 2)))
+numpy.save("five.npy", numpy.zeros((2, 2, 3, 2, 2)))
 numpy.save("scalar.npy", numpy.float32(3))
 numpy.save("empty.npy", numpy.zeros((2, 0, 3)))
 numpy.save("good.npy", numpy.arange(60, dtype="<i2").reshape(3, 4, 5))
@@ -83,6 +83,9 @@ END
         fails_with 3 "$name.npy'" vkt write $name.npy out.nrrd
         [ ! -e out.nrrd ]
     done
+    # A batch of one is no dimension.
+    /usr/bin/python3 -c 'import numpy; numpy.save("batch.npy", numpy.arange(48.0).reshape(1, 2, 3, 2, 4))'
+    [ "$(vkt info batch.npy --json | tr -d ' \n' | grep -o '"dims":\[4,2,3\]' | wc -l)" -eq 2 ]
     fails_with 3 "elements of type '<c8', which volumes do not have" vkt info complex.npy
 }
 

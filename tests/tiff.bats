@@ -119,6 +119,44 @@ assert infos("cm.tif")[0]["spacing"] == [0.5, 1, 1]
 END
 }
 
+@test "OME images whose planes lie in several files: from any of them, deflated too, by regions; missing and misplaced ones are named" {
+    /usr/bin/python3 - <<'END'
+import os, shutil, tifffile, numpy
+from voxels import *
+data = numpy.random.default_rng(5).integers(0, 60000, (2, 3, 4, 12, 10)).astype("u2") # T C Z Y X
+def write(folder, names=lambda t, c: f"t{t}c{c}.ome.tif", compression=None, uuid=lambda t, c: f"urn:uuid:{t}{c}", extra=""):
+    """A file for each channel and time, every one with the whole description, as Bio-Formats writes them."""
+    os.makedirs(folder, exist_ok=True)
+    where = "".join(f'<TiffData FirstZ="{z}" FirstC="{c}" FirstT="{t}" IFD="{z}" PlaneCount="1"><UUID FileName="{names(t, c)}">{uuid(t, c)}</UUID></TiffData>'
+                    for t in range(2) for c in range(3) for z in range(4))
+    for t in range(2):
+        for c in range(3):
+            words = f'<?xml version="1.0" encoding="UTF-8"?><OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06" UUID="{uuid(t, c)}"><Image ID="Image:0" Name="i"><Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint16" SizeX="10" SizeY="12" SizeZ="4" SizeC="3" SizeT="2" PhysicalSizeX="0.5" PhysicalSizeY="0.5" PhysicalSizeZ="2"><Channel ID="Channel:0:0" Name="a"/><Channel ID="Channel:0:1" Name="b"/><Channel ID="Channel:0:2" Name="c"/>{where}</Pixels></Image></OME>'
+            tifffile.imwrite(f"{folder}/t{t}c{c}.ome.tif", data[t, c], description=words, metadata=None, photometric="minisblack", compression=compression)
+write("plain"); write("packed", compression="zlib")
+for folder in "plain", "packed":
+    for name in "t0c0", "t1c2":
+        got = voxels(f"{folder}/{name}.ome.tif")
+        assert got.tobytes() == data.tobytes(), (folder, name)
+    assert voxels(f"{folder}/t0c1.ome.tif", "--variable b").tobytes() == data[:, 1].tobytes()
+    assert voxels(f"{folder}/t0c1.ome.tif", "--roi 2:7,3:,1:3").tobytes() == data[:, :, 1:3, 3:, 2:7].tobytes()
+i = infos("plain/t0c0.ome.tif")
+assert len(i) == 6 and i[0]["dims"] == [10, 12, 4] and i[0]["spacing"] == [0.5, 0.5, 2], i[0]
+assert numpy.array_equal(tifffile.imread("plain/t0c0.ome.tif"), data)
+shutil.copytree("plain", "less"); os.remove("less/t1c1.ome.tif")
+shutil.copytree("plain", "short"); tifffile.imwrite("short/t1c1.ome.tif", data[1, 1, :2])
+shutil.copytree("plain", "small"); tifffile.imwrite("small/t1c1.ome.tif", data[1, 1, :, :9])
+shutil.copytree("plain", "junk"); open("junk/t1c1.ome.tif", "w").write("no TIFF")
+write("away", names=lambda t, c: f"../plain/t{t}c{c}.ome.tif" if t else f"t{t}c{c}.ome.tif")
+END
+    fails_with 3 "the file 't1c1.ome.tif' that its description names is not there" vkt info less/t0c0.ome.tif
+    fails_with 3 "names page 2 of 't1c1.ome.tif', which has 2" vkt info short/t0c0.ome.tif
+    fails_with 3 "on pages of different sizes" vkt info small/t0c0.ome.tif
+    fails_with 3 "that its description names cannot be opened" vkt info junk/t0c0.ome.tif
+    fails_with 3 "leads out of its directory" vkt info away/t0c0.ome.tif
+    vkt read away/t0c0.ome.tif --trust-paths | vkt diff - plain/t0c0.ome.tif
+}
+
 @test "orientation: what is seen at the top left is at the origin, whatever the order in the file" {
     /usr/bin/python3 - <<'END'
 import tifffile, numpy

@@ -104,6 +104,52 @@ END
     fails_with 2 "did you mean 'two'" vkt read g.zarr --variable twe
 }
 
+@test "filters before compression, of both versions, as numcodecs undoes them" {
+    with_peer zarr
+    /usr/bin/python3 - <<'PY'
+from common import *
+import warnings, zarr, numcodecs as N
+warnings.simplefilter("ignore")
+rng = np.random.default_rng(8)
+n = 0
+def check(data, fmt=2, **how):
+    global n
+    name = f"f{n}.zarr"; n += 1
+    z = zarr.create_array(name, shape=data.shape, chunks=(4, 6, 5), dtype=data.dtype, zarr_format=fmt, **how)
+    z[...] = data
+    want = z[...].astype(z.dtype.newbyteorder("="))
+    assert voxels(name) == want.tobytes(), (name, how)
+    assert voxels(name, "--roi 3:8,2:,1:7") == want[1:7, 2:, 3:8].tobytes(), (name, how)
+for code in "i1", "u2", "i4", "u8", "f4", "f8":
+    data = (rng.normal(size=(9, 13, 11)) * 50).astype(code)
+    for order in "CF": check(data, filters=[N.Delta("<" + code if code != "i1" else code)], compressors=N.Zlib(1), order=order)
+    for big in "<>" if code != "i1" else "|": check(data.astype(big + code), filters=[N.Shuffle(data.itemsize)], compressors=None)
+data = rng.normal(size=(9, 13, 11)) * 100
+check(data.astype("u2"), filters=[N.Delta("<u2", "<i4"), N.Shuffle(4)], compressors=N.Zstd(1))
+check(data.astype(">i2"), filters=[N.Delta(">i2")], compressors=N.Blosc("zstd"))
+for astype in "<i2", ">i4", "u1":
+    check(data, filters=[N.FixedScaleOffset(-500, 10, "<f8", astype)] if astype != "u1" else [N.FixedScaleOffset(-500, 0.2, "<f8", astype)], compressors=N.Zlib(1))
+check(data, filters=[N.FixedScaleOffset(-500, 10, "<f8", "<i2"), N.Delta("<i2")], compressors=None)
+check(data, filters=[N.Quantize(2, "<f8", "<f4")], compressors=N.Zlib(1))
+check(data.astype("f4"), filters=[N.BitRound(7)], compressors=N.Zstd(1))
+check(data.astype("f4"), filters=[N.AsType("<f8", "<f4")], compressors=N.Zlib(1))
+import zarr.codecs.numcodecs as V3
+check(data.astype("i2"), 3, filters=[V3.Delta(dtype="<i2")])
+check(data.astype("i2"), 3, filters=[V3.Delta(dtype="<i2")], shards=(8, 12, 10))
+check(data, 3, filters=[V3.FixedScaleOffset(offset=-500, scale=10, dtype="<f8", astype="<i2")])
+check(data.astype("u4"), 3, compressors=[V3.Shuffle(elementsize=4), V3.Zlib(level=1)])
+for codec in V3.LZ4(), V3.BZ2(), V3.LZMA(), V3.Zstd(), V3.GZip(), V3.Blosc(cname="lz4"): check(data.astype("i2"), 3, compressors=[codec])
+def refused(name, filters):
+    by_hand(name, data.astype("<i2"), (4, 6, 5), {"filters": filters})
+refused("objects", [{"id": "vlen-utf8"}]); refused("zero", [{"id": "fixedscaleoffset", "scale": 0, "offset": 1, "dtype": "<i2"}])
+refused("others", [{"id": "delta", "dtype": "<f8"}]); refused("behind", [{"id": "shuffle", "elementsize": 2}, {"id": "delta", "dtype": "<i2"}])
+PY
+    fails_with 3 "the filter 'vlen-utf8', which is not read" vkt info objects
+    fails_with 3 "a filter whose scale is 0" vkt info zero
+    fails_with 3 "filters of other types than its own" vkt info others
+    fails_with 3 "behind one of bytes" vkt info behind
+}
+
 @test "OME-Zarr: axes, scales, translations, units, levels, of both versions" {
     with_peer zarr
     /usr/bin/python3 - <<'END'

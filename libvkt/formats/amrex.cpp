@@ -74,6 +74,7 @@ private:
 
     void find_pieces();
     void describe();
+    int bytes_of_number() const;
     void order_records();
     std::vector<Box> coarsened(std::size_t level) const;
     void read_record(Piece const& piece, std::size_t component, Record& record) const;
@@ -141,6 +142,17 @@ void Plotfile::find_pieces() {
     }
 }
 
+/// Of the first record, which stands for all.
+int Plotfile::bytes_of_number() const {
+    if (header_.levels[0].numbers) return header_.levels[0].numbers->bytes;
+    auto const& first = header_.levels[0].boxes[0];
+    std::ifstream file = amrex::open_part(path_ + "/" + first.file);
+    std::string line;
+    file.seekg(first.offset);
+    if (!file || !std::getline(file, line)) refuse(text("cannot read ", first.file));
+    return amrex::parse_fab(line, first.file, header_.dimensions).bytes;
+}
+
 void Plotfile::describe() {
     std::size_t const finest = header_.levels.size() - 1;
     Header& header = listing_.header;
@@ -179,13 +191,7 @@ void Plotfile::describe() {
     } catch (Error const& error) {
         refuse(error.what());
     }
-    auto const& first = header_.levels[0].boxes[0];
-    std::ifstream file = amrex::open_part(path_ + "/" + first.file);
-    std::string line;
-    file.seekg(first.offset);
-    if (!file || !std::getline(file, line)) refuse(text("cannot read ", first.file));
-    DataType const dtype =
-        amrex::parse_fab(line, first.file, header_.dimensions).bytes == 4 ? DataType::float32 : DataType::float64;
+    DataType const dtype = bytes_of_number() == 4 ? DataType::float32 : DataType::float64;
     for (std::size_t c = 0; c < header_.names.size(); ++c) {
         AmrVariable variable{header_.names[c], dtype, {}, {}};
         for (auto const& level : header_.levels)
@@ -250,13 +256,18 @@ void Plotfile::read_record(Piece const& piece, std::size_t component, Record& re
     amrex::BoxData const& box = level.boxes[piece.box];
     std::string const where = text(box.file, ": the record at byte ", box.offset, " of box ", box.box);
     std::ifstream file = amrex::open_part(path_ + "/" + box.file);
-    std::string line;
-    file.seekg(box.offset);
-    if (!std::getline(file, line) || line.size() > 4096) refuse(text(where, " ended early"));
     record.box = nullptr;
-    record.fab = amrex::parse_fab(line, text(path_, ": ", where), header_.dimensions);
-    amrex::FabHeader const& fab = record.fab;
     Box const expected = grow(box.box, level.ghosts);
+    file.seekg(box.offset);
+    if (level.numbers) {
+        record.fab = *level.numbers;
+        record.fab.box = expected;
+    } else {
+        std::string line;
+        if (!std::getline(file, line) || line.size() > 4096) refuse(text(where, " ended early"));
+        record.fab = amrex::parse_fab(line, text(path_, ": ", where), header_.dimensions);
+    }
+    amrex::FabHeader const& fab = record.fab;
     if (!(fab.box == expected)) refuse(text(where, " says that it holds box ", fab.box, ", not ", expected));
     if (fab.components != level.components)
         refuse(text(where, " says that it holds ", fab.components, " components, not ", level.components));
@@ -270,7 +281,7 @@ void Plotfile::read_record(Piece const& piece, std::size_t component, Record& re
     auto const& offsets = offsets_.at(box.file);
     if (auto const next = offsets.upper_bound(box.offset); next != offsets.end()) {
         if (end > static_cast<double>(*next)) refuse(text(where, " reaches into the one at byte ", *next));
-        check_next(file, where, *next);
+        if (!level.numbers) check_next(file, where, *next);
     }
     record.bytes.resize(static_cast<std::size_t>(fab.box.voxels()) * static_cast<std::size_t>(fab.bytes));
     file.seekg(begin + static_cast<std::int64_t>(record.bytes.size()) * static_cast<std::int64_t>(component));

@@ -85,12 +85,41 @@ Box box_from(std::vector<std::int64_t> const& values, std::size_t first, int dim
         box.upper[static_cast<int>(a)] = values[first + nd + a] + 1;
     }
     if (box.empty()) refuse(file, text("box ", box, " is empty"));
+    // Then what the numbers stand for along each axis.
+    for (std::size_t a = first + 2 * nd; a < std::min(values.size(), first + 3 * nd); ++a)
+        if (values[a] != 0) refuse(file, "holds values at nodes or faces of cells, and only those of cells are read");
     return box;
+}
+
+/// Size and order of the numbers of a descriptor, whose integers begin at `at`; what comes next.
+std::size_t read_descriptor(std::vector<std::int64_t> const& values, std::size_t at, std::string const& file,
+                            FabHeader& fab) {
+    // "((8, (64 11 52 0 1 12 0 1023)),(8, (8 7 6 5 4 3 2 1)))"
+    std::size_t const bytes_at = at + 9;
+    if (values.size() < bytes_at + 1 || values[at] != 8 || (values[bytes_at] != 4 && values[bytes_at] != 8))
+        refuse(file, "a FAB record has an unknown number format");
+    fab.bytes = static_cast<int>(values[bytes_at]);
+    auto const width = static_cast<std::size_t>(fab.bytes);
+    if (values.size() < bytes_at + 1 + width) refuse(file, "a FAB record is malformed");
+    std::int64_t const exponent_bits = values[at + 2]; // the list is: bits of all, exponent, mantissa, …
+    if (values[at + 1] != 8 * fab.bytes || exponent_bits != (fab.bytes == 8 ? 11 : 8))
+        refuse(file, "a FAB record's numbers are not IEEE");
+    bool ascending = true, descending = true;
+    for (std::size_t i = 0; i < width; ++i) {
+        ascending = ascending && values[bytes_at + 1 + i] == static_cast<std::int64_t>(i) + 1;
+        descending = descending && values[bytes_at + 1 + i] == static_cast<std::int64_t>(width - i);
+    }
+    if (!ascending && !descending) refuse(file, "a FAB record has an unknown byte order");
+    fab.big_endian = ascending;
+    return bytes_at + 1 + width;
 }
 
 void read_level(Level& level, std::string const& directory, int dimensions, std::size_t components) {
     Words words(directory + "/" + level.folder_and_stem + "_H");
-    words.integer("version", 0, 100);
+    // From 2 on records are bare numbers, and a line at the end says of what kind; minima and maxima of boxes are in
+    // versions 1 and 3, of all boxes together in 4.
+    std::int64_t const version = words.integer("version", 0, 4);
+    bool const bare = version >= 2, tables = version != 2 && version != 4;
     words.integer("how", 0, 100);
     level.components = static_cast<int>(words.integer("number of components", 1, most_components));
     if (static_cast<std::size_t>(level.components) < components)
@@ -123,6 +152,7 @@ void read_level(Level& level, std::string const& directory, int dimensions, std:
     }
     try { // the tables of minima and maxima are a convenience; older files have none
         for (std::vector<double>* table : {&level.minima, &level.maxima}) {
+            if (!tables) break;
             words.full_line(); // "n,ncomp"
             for (std::int64_t b = 0; b < count; ++b) {
                 std::vector<double> const values = words.reals(words.full_line(), ',');
@@ -131,9 +161,16 @@ void read_level(Level& level, std::string const& directory, int dimensions, std:
             }
         }
     } catch (Error const&) {
+        if (bare) throw;
         level.minima.clear();
         level.maxima.clear();
     }
+    if (!bare) return;
+    std::string line = words.full_line();
+    while (line.rfind("((", 0) != 0) line = words.full_line();
+    level.numbers.emplace();
+    read_descriptor(integers_of(line, words.path()), 0, words.path(), *level.numbers);
+    level.numbers->components = level.components;
 }
 
 } // namespace
@@ -168,7 +205,10 @@ std::vector<std::int64_t> integers_of(std::string const& source, std::string con
 PlotHeader read_headers(std::string const& directory) {
     Words words(directory + "/Header");
     PlotHeader header;
-    words.line(); // "HyperCLaw-V1.1" or any other label
+    // "HyperCLaw-V1.1" or any other label of plotfiles
+    if (std::string const label = words.line(); label.find("heckpoint") != std::string::npos)
+        throw Error(ErrorKind::data, text(words.path(), ": is the header of a checkpoint ('", printable(label), "')"),
+                    "plotfiles are read, which the simulation writes besides");
     std::int64_t const components = words.integer("number of components", 1, most_components);
     for (std::int64_t c = 0; c < components; ++c) header.names.push_back(words.line());
     header.dimensions = static_cast<int>(words.integer("dimensionality", 1, 3));
@@ -236,24 +276,9 @@ FabHeader parse_fab(std::string const& line, std::string const& file, int dimens
     if (line.rfind("FAB ((8, (", 0) != 0) refuse(file, "a FAB record does not begin where it should");
     std::vector<std::int64_t> const values = integers_of(line, file);
     FabHeader fab;
-    std::size_t const bytes_at = 9;
-    if (values.size() < bytes_at + 1 || (values[bytes_at] != 4 && values[bytes_at] != 8))
-        refuse(file, "a FAB record has an unknown number format");
-    fab.bytes = static_cast<int>(values[bytes_at]);
-    auto const width = static_cast<std::size_t>(fab.bytes);
-    std::size_t const box_at = bytes_at + 1 + width;
+    std::size_t const box_at = read_descriptor(values, 0, file, fab);
     if (values.size() < box_at + 3 * static_cast<std::size_t>(dimensions) + 1)
         refuse(file, "a FAB record is malformed");
-    std::int64_t const exponent_bits = values[2]; // the list is: bits of all, exponent, mantissa, …
-    if (values[1] != 8 * fab.bytes || exponent_bits != (fab.bytes == 8 ? 11 : 8))
-        refuse(file, "a FAB record's numbers are not IEEE");
-    bool ascending = true, descending = true;
-    for (std::size_t i = 0; i < width; ++i) {
-        ascending = ascending && values[bytes_at + 1 + i] == static_cast<std::int64_t>(i) + 1;
-        descending = descending && values[bytes_at + 1 + i] == static_cast<std::int64_t>(width - i);
-    }
-    if (!ascending && !descending) refuse(file, "a FAB record has an unknown byte order");
-    fab.big_endian = ascending;
     fab.box = box_from(values, box_at, dimensions, file);
     std::int64_t const components = values[box_at + 3 * static_cast<std::size_t>(dimensions)];
     if (components < 1 || components > most_components) refuse(file, "a FAB record has no components");

@@ -5,6 +5,7 @@
 #include "libvkt/core/types.h"
 
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,12 +18,21 @@ struct BoxData {
     std::int64_t offset = 0;
 };
 
+/// How a FAB record stores its numbers, and of which cells.
+struct FabHeader {
+    int bytes = 8;
+    bool big_endian = false;
+    Box box; ///< with ghost cells
+    int components = 1;
+};
+
 struct Level {
     Box domain;                  ///< in the level's own cells
     std::string folder_and_stem; ///< "Level_0/Cell"
     Index3 ghosts;               ///< cells around every box that its record holds too
     int components = 1;          ///< of every record
     std::vector<BoxData> boxes;
+    std::optional<FabHeader> numbers;   ///< how they are stored, if records have no lines that say it
     std::vector<double> minima, maxima; ///< per box and component; empty if not stated
 };
 
@@ -38,14 +48,6 @@ struct PlotHeader {
 
 /// Reads Header and every Level_*/Cell_H. Throws Error{data} naming file and what is wrong, Error{io}.
 PlotHeader read_headers(std::string const& directory);
-
-/// How a FAB record stores its numbers and where they begin.
-struct FabHeader {
-    int bytes = 8;
-    bool big_endian = false;
-    Box box; ///< with ghost cells
-    int components = 1;
-};
 
 /// Opens a file of a plotfile. Throws Error{data} for pipes and devices, which would be read for ever, and Error{io}.
 std::ifstream open_part(std::string const& path);

@@ -19,9 +19,10 @@ namespace dicom {
 
 /// The reader of a file or of all DICOM files of a folder, which runs in a child. Slices (frames of files of several)
 /// are sorted by their position along the normal of their planes; slices that lie in the same places again are further
-/// volumes. Several series, or images of several orientations or sizes, are variables. Refuses gaps and slants unless
-/// it is told to force_uniform. Of what a file says besides, only modality, units and kind of values are kept, since
-/// anything else may tell who the patient is, unless that is asked for.
+/// volumes, which frames are parts of by their stack and their indices of other dimensions. Several series, or images
+/// of several orientations or sizes, are variables. Refuses gaps and slants unless it is told to force_uniform. Of what
+/// a file says besides, only modality, units and kind of values are kept, since anything else may tell who the patient
+/// is, unless that is asked for.
 std::unique_ptr<GridsParser> open(std::string const& path);
 
 /// Writes NAME.dcm as one file of several frames, any other name as a folder with a file for each slice: Secondary

@@ -49,7 +49,11 @@ struct Slice {
     std::string file; ///< its name in the folder, or empty for the file itself
     std::int64_t frame = 0, frames = 1;
     std::string series, series_number, modality, photometric, rescale_type, units, uid;
-    bool table = false, mosaic = false; ///< values have a modality LUT; slices stand side by side in an image
+    bool table = false, mosaic = false;      ///< values have a modality LUT; slices stand side by side in an image
+    std::string stack;                       ///< of frames: those of other stacks are other volumes
+    std::vector<double> order;               ///< of frames: those at the same place follow one another by this
+    std::size_t counted = 0;                 ///< of `order`: numbers of dimensions, the same at every place
+    std::map<std::string, std::string> told; ///< of frames: what says which volume it is
     std::int64_t columns = 0, rows = 0, bits = 0, stored = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
     /// Where its pixels begin in the file, if no library needs to decode them: as they are, or in runs, one fragment
@@ -106,6 +110,17 @@ std::optional<std::uint32_t> element_long(gdcm::DataSet const& set, std::uint16_
     return number;
 }
 
+/// Elements of some binary numbers.
+template <class T> std::vector<T> element_values(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return {};
+    gdcm::ByteValue const* const value = set.GetDataElement(tag).GetByteValue();
+    if (value == nullptr || value->GetPointer() == nullptr || value->GetLength() % sizeof(T) != 0) return {};
+    std::vector<T> values(value->GetLength() / sizeof(T));
+    std::memcpy(values.data(), value->GetPointer(), value->GetLength());
+    return values;
+}
+
 gdcm::SmartPointer<gdcm::SequenceOfItems> sequence(gdcm::DataSet const& set, std::uint16_t group,
                                                    std::uint16_t element) {
     gdcm::Tag const tag(group, element);
@@ -147,14 +162,88 @@ void read_plane(gdcm::DataSet const& set, Slice& slice) {
     if (std::string const type = element_text(set, 0x0028, 0x1054); !type.empty()) slice.rescale_type = type;
 }
 
+/// What dimensions of frames count (Dimension Index Sequence), in the order of their significance.
+enum class Dimension { place, stack, other };
+
+std::vector<Dimension> dimensions_of(gdcm::DataSet const& set) {
+    std::vector<Dimension> dimensions;
+    auto const items = sequence(set, 0x0020, 0x9222);
+    for (std::size_t i = 1; items != nullptr && i <= items->GetNumberOfItems(); ++i) {
+        auto const tag = element_values<std::uint16_t>(items->GetItem(i).GetNestedDataSet(), 0x0020, 0x9165);
+        std::uint32_t const pointer = tag.size() == 2 ? std::uint32_t{tag[0]} << 16 | tag[1] : 0;
+        switch (pointer) {
+        case 0x00209056: // stack, segment
+        case 0x0062000b:
+            dimensions.push_back(Dimension::stack);
+            break;
+        case 0x00209057: // position in the stack, of the image in space or in the volume, of the slice
+        case 0x00200032:
+        case 0x00209301:
+        case 0x00201041:
+            dimensions.push_back(Dimension::place);
+            break;
+        default:
+            dimensions.push_back(Dimension::other);
+        }
+    }
+    return dimensions;
+}
+
 void read_group(gdcm::DataSet const& group, Slice& slice) {
     for (auto const& [g, e] : {std::pair<std::uint16_t, std::uint16_t>{0x0020, 0x9113},
                                {0x0020, 0x9116},
                                {0x0028, 0x9110},
                                {0x0028, 0x9145}})
         if (auto const item = first_item(group, g, e)) read_plane(*item, slice);
-    if (auto const item = first_item(group, 0x0020, 0x9111)) // frame content
+}
+
+/// To which volume a frame belongs: its stack or segment, its indices of dimensions that are no places, and without
+/// those the values that such dimensions count.
+void read_membership(gdcm::DataSet const& group, std::vector<Dimension> const& dimensions, Slice& slice) {
+    std::vector<double> values;
+    auto const number = [&](gdcm::DataSet const& set, std::uint16_t g, std::uint16_t e, char const* name) {
+        auto v = element_values<double>(set, g, e);
+        if (v.empty()) // phases
+            for (float const value : element_values<float>(set, g, e)) v.push_back(double{value});
+        bool const there = v.size() == 1 && std::isfinite(v[0]);
+        if (there) slice.told[name] = to_text(v[0]);
+        values.push_back(there ? v[0] : 0);
+    };
+    if (auto const item = first_item(group, 0x0018, 0x9117)) { // diffusion
+        number(*item, 0x0018, 0x9087, "b value");
+        if (auto const gradient = first_item(*item, 0x0018, 0x9076)) {
+            auto const v = element_values<double>(*gradient, 0x0018, 0x9089);
+            if (v.size() == 3) {
+                slice.told["gradient direction"] = text(v[0], " ", v[1], " ", v[2]);
+                values.insert(values.end(), v.begin(), v.end());
+            }
+        }
+    }
+    values.resize(4);
+    auto const of = [&](std::uint16_t g, std::uint16_t e, std::uint16_t ge, std::uint16_t ee, char const* name) {
+        if (auto const item = first_item(group, g, e))
+            number(*item, ge, ee, name);
+        else
+            values.push_back(0);
+    };
+    of(0x0018, 0x9114, 0x0018, 0x9082, "echo time");
+    of(0x0018, 0x9118, 0x0020, 0x9241, "cardiac phase");
+    of(0x0020, 0x9253, 0x0020, 0x9245, "respiratory phase");
+    std::vector<std::uint32_t> indices;
+    if (auto const item = first_item(group, 0x0020, 0x9111)) { // frame content
         if (auto const index = element_long(*item, 0x0020, 0x9128)) slice.time = std::int64_t{*index};
+        slice.stack = std::string(trimmed(element_text(*item, 0x0020, 0x9056)));
+        indices = element_values<std::uint32_t>(*item, 0x0020, 0x9157);
+    }
+    if (auto const item = first_item(group, 0x0062, 0x000a)) // segment
+        if (auto const segment = element_short(*item, 0x0062, 0x000b, 0); segment > 0) slice.stack = to_text(segment);
+    slice.order.clear();
+    if (indices.size() == dimensions.size())
+        for (std::size_t i = 0; i < indices.size(); ++i)
+            if (dimensions[i] == Dimension::other) slice.order.push_back(indices[i]);
+    slice.order.push_back(static_cast<double>(slice.time));
+    slice.counted = slice.order.size();
+    slice.order.insert(slice.order.end(), values.begin(), values.end());
 }
 
 /// Whether the elements of a file end where they say, up to its pixels: GDCM may end the process for one that is cut
@@ -301,6 +390,7 @@ private:
     void list_records(bool trust_paths, std::vector<std::string>& not_read);
     void read_files(std::vector<std::string> const& names, std::vector<std::string>& not_read);
     std::vector<std::vector<Slice>> groups() const;
+    void check_membership(std::vector<Slice> const& slices, std::size_t volumes) const;
     void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
     void place(bool force_uniform, Header& header) const;
     void tell_personal(std::string const& file, ParsedGrids& grids) const;
@@ -448,14 +538,16 @@ bool DicomFiles::read_file(std::string const& file) {
     auto const offsets = element_numbers(set, 0x3004, 0x000c);
     if (auto const shared = first_item(set, 0x5200, 0x9229)) read_group(*shared, s);
     auto const frames = sequence(set, 0x5200, 0x9230);
+    std::vector<Dimension> const dimensions = dimensions_of(set);
     Vec3 const normal = cross(s.across, s.down);
     for (std::int64_t f = 0; f < s.frames; ++f) {
         Slice one = s;
         one.frame = f;
-        one.instance = s.instance + f;
         bool grouped = false;
         if (frames != nullptr && static_cast<std::int64_t>(frames->GetNumberOfItems()) > f) {
-            read_group(frames->GetItem(static_cast<gdcm::SequenceOfItems::SizeType>(f) + 1).GetNestedDataSet(), one);
+            auto const& group = frames->GetItem(static_cast<gdcm::SequenceOfItems::SizeType>(f) + 1).GetNestedDataSet();
+            read_group(group, one);
+            read_membership(group, dimensions, one);
             grouped = one.placed;
         }
         // Frames without places of their own follow one another.
@@ -547,25 +639,116 @@ void DicomFiles::read_files(std::vector<std::string> const& names, std::vector<s
     if (others > 0) not_read.push_back(text(others, " files that are no DICOM images"));
 }
 
-/// Images that can be slices of one volume.
-std::vector<std::vector<Slice>> DicomFiles::groups() const {
-    auto const alike = [](Slice const& a, Slice const& b) {
-        return a.series == b.series && a.columns == b.columns && a.rows == b.rows && a.samples == b.samples &&
-               a.bits == b.bits && a.is_signed == b.is_signed && dot(a.across, b.across) > 1 - 1e-4 &&
-               dot(a.down, b.down) > 1 - 1e-4 &&
-               std::abs(a.spacing_across - b.spacing_across) <= 1e-4 * a.spacing_across &&
-               std::abs(a.spacing_down - b.spacing_down) <= 1e-4 * a.spacing_down;
-    };
+/// Images that can be slices of one volume, but for the stacks that they are of.
+bool alike(Slice const& a, Slice const& b) {
+    return a.series == b.series && a.columns == b.columns && a.rows == b.rows && a.samples == b.samples &&
+           a.bits == b.bits && a.is_signed == b.is_signed && dot(a.across, b.across) > 1 - 1e-4 &&
+           dot(a.down, b.down) > 1 - 1e-4 && std::abs(a.spacing_across - b.spacing_across) <= 1e-4 * a.spacing_across &&
+           std::abs(a.spacing_down - b.spacing_down) <= 1e-4 * a.spacing_down;
+}
+
+/// Where slices of one orientation lie, each place once, in order: along the normal, across and down.
+std::vector<std::array<double, 3>> places_of(std::vector<Slice> const& slices) {
+    Slice const& first = slices.front();
+    Vec3 const normal = cross(first.across, first.down);
+    std::vector<std::array<double, 3>> places;
+    for (Slice const& s : slices)
+        places.push_back({dot(s.position, normal), dot(s.position, first.across), dot(s.position, first.down)});
+    std::sort(places.begin(), places.end());
+    auto const same = [](auto const& a, auto const& b) { return std::abs(a[0] - b[0]) <= 1e-4; };
+    places.erase(std::unique(places.begin(), places.end(), same), places.end());
+    return places;
+}
+
+bool same_places(std::vector<Slice> const& a, std::vector<Slice> const& b) {
+    auto const one = places_of(a), other = places_of(b);
+    return std::equal(one.begin(), one.end(), other.begin(), other.end(), [](auto const& p, auto const& q) {
+        return std::abs(p[0] - q[0]) <= 1e-3 && std::abs(p[1] - q[1]) <= 1e-3 && std::abs(p[2] - q[2]) <= 1e-3;
+    });
+}
+
+/// Stacks in the same places are volumes of one series, in the order of their numbers; where every stack is one place
+/// they are the slices of a volume; others stay by themselves.
+std::vector<std::vector<Slice>> joined_stacks(std::vector<std::vector<Slice>> stacks) {
+    if (stacks.size() == 1) return stacks;
+    auto const number = [](std::vector<Slice> const& stack) { return number_in(stack.front().stack).value_or(0); };
+    std::stable_sort(stacks.begin(), stacks.end(), [&](auto const& a, auto const& b) { return number(a) < number(b); });
     std::vector<std::vector<Slice>> result;
-    for (Slice const& slice : all_) {
-        auto const found =
-            std::find_if(result.begin(), result.end(), [&](auto const& group) { return alike(group.front(), slice); });
+    bool const single =
+        std::all_of(stacks.begin(), stacks.end(), [](auto const& stack) { return places_of(stack).size() == 1; });
+    if (single && !same_places(stacks.front(), stacks.back())) {
+        for (std::size_t i = 1; i < stacks.size(); ++i)
+            stacks[0].insert(stacks[0].end(), stacks[i].begin(), stacks[i].end());
+        result.push_back(std::move(stacks[0]));
+        return result;
+    }
+    for (std::size_t i = 0; i < stacks.size(); ++i) {
+        for (Slice& s : stacks[i]) {
+            s.order.insert(s.order.begin(), static_cast<double>(i));
+            ++s.counted;
+            s.told[s.modality == "SEG" ? "segment" : "stack"] = s.stack;
+        }
+        auto const found = std::find_if(result.begin(), result.end(),
+                                        [&](auto const& group) { return same_places(group, stacks[i]); });
         if (found == result.end())
-            result.push_back({slice});
+            result.push_back(std::move(stacks[i]));
         else
-            found->push_back(slice);
+            found->insert(found->end(), stacks[i].begin(), stacks[i].end());
     }
     return result;
+}
+
+/// Of which stack they are, for a list, if they are of one.
+std::string stack_text(std::vector<Slice> const& slices) {
+    std::string const& stack = slices.front().stack;
+    bool const one = std::all_of(slices.begin(), slices.end(), [&](Slice const& s) { return s.stack == stack; });
+    return one && !stack.empty() ? text(slices.front().modality == "SEG" ? ", segment " : ", stack ", stack) : "";
+}
+
+/// Images that can be slices of one volume, or of several in the same places.
+std::vector<std::vector<Slice>> DicomFiles::groups() const {
+    // Those that are alike, and of those, each stack.
+    std::vector<std::vector<std::vector<Slice>>> kinds;
+    for (Slice const& slice : all_) {
+        auto kind = std::find_if(kinds.begin(), kinds.end(),
+                                 [&](auto const& stacks) { return alike(stacks.front().front(), slice); });
+        if (kind == kinds.end()) kind = kinds.emplace(kinds.end());
+        auto const stack = std::find_if(kind->begin(), kind->end(),
+                                        [&](auto const& group) { return group.front().stack == slice.stack; });
+        if (stack == kind->end())
+            kind->push_back({slice});
+        else
+            stack->push_back(slice);
+    }
+    std::vector<std::vector<Slice>> result;
+    for (auto& stacks : kinds)
+        for (auto& group : joined_stacks(std::move(stacks))) result.push_back(std::move(group));
+    return result;
+}
+
+/// Whether what stands in the same row at every place is of the same volume: where one place lacks a frame of the first
+/// volume and another one of the second, they would be mixed.
+void DicomFiles::check_membership(std::vector<Slice> const& slices, std::size_t volumes) const {
+    if (volumes < 2) return;
+    // What differs between all of them is a number of the frame and no dimension.
+    std::size_t const counted = slices.front().counted;
+    std::vector<bool> running(counted);
+    for (std::size_t d = 0; d < counted; ++d) {
+        std::set<double> values;
+        for (Slice const& s : slices)
+            if (d < s.order.size()) values.insert(s.order[d]);
+        running[d] = values.size() == slices.size();
+    }
+    for (std::size_t i = volumes; i < slices.size(); ++i) {
+        Slice const &a = slices[i % volumes], &b = slices[i];
+        bool same = a.counted == b.counted && a.told.contains("b value") == b.told.contains("b value") &&
+                    (!a.told.contains("b value") || a.told.at("b value") == b.told.at("b value"));
+        for (std::size_t d = 0; same && d < counted; ++d) same = running[d] || a.order[d] == b.order[d];
+        if (!same)
+            fail(text("its frames do not make whole volumes: at one place there is none like ", shown(a),
+                      ", and at another none like ", shown(b)),
+                 text("in the order that they have at each place all the same: ", forced()));
+    }
 }
 
 /// Sorts the slices into volumes.
@@ -579,7 +762,7 @@ void DicomFiles::arrange(std::vector<Slice> slices, bool force_uniform, ParsedGr
     for (Slice& s : slices) s.along = placed ? dot(s.position, normal) : static_cast<double>(s.instance);
     std::stable_sort(slices.begin(), slices.end(), [](Slice const& a, Slice const& b) {
         if (std::abs(a.along - b.along) > 1e-4) return a.along < b.along;
-        return std::pair(a.time, a.instance) < std::pair(b.time, b.instance);
+        return std::tie(a.order, a.time, a.instance, a.frame) < std::tie(b.order, b.time, b.instance, b.frame);
     });
     // How often each place occurs.
     std::vector<std::size_t> runs{1};
@@ -593,8 +776,10 @@ void DicomFiles::arrange(std::vector<Slice> slices, bool force_uniform, ParsedGr
             fail(text("its images lie in the same places unequally often: ", static_cast<std::int64_t>(runs[0]),
                       " times at ", shown(slices.front()), ", ", static_cast<std::int64_t>(runs[i]), " times at ",
                       shown(slices[k])),
-                 "put the images of one volume into a folder of their own");
+                 folder_ ? "put the images of one volume into a folder of their own"
+                         : "some of its frames are missing: copy it again from where it was made");
     std::size_t const volumes = runs[0], n = runs.size();
+    if (!force_uniform) check_membership(slices, volumes);
     for (std::size_t v = 0; v < volumes; ++v)
         for (std::size_t z = 0; z < n; ++z) slices_.push_back(slices[z * volumes + v]);
     dims_ = {first.columns, first.rows, static_cast<std::int64_t>(n)};
@@ -609,6 +794,10 @@ void DicomFiles::arrange(std::vector<Slice> slices, bool force_uniform, ParsedGr
                     said["sequence position"] = to_text(static_cast<std::int64_t>(v));
                     said["sequence step"] = "1";
                 }
+                for (auto const& [what, value] : slices_[v * n].told)
+                    if (auto const& other = slices_[v > 0 ? 0 : (volumes - 1) * n].told; // what is the same is no news
+                        volumes > 1 && (!other.contains(what) || other.at(what) != value))
+                        said[what] = value;
                 if (samples_ > 1) said["channel"] = s < 3 ? rgb[s] : to_text(s);
                 grids.attributes.push_back(std::move(said));
             }
@@ -687,9 +876,9 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
         chosen = static_cast<std::size_t>(found - names.begin());
     } else if (series.size() > 1) {
         for (std::size_t i = 0; i < series.size(); ++i)
-            grids.choices.emplace_back(names[i],
-                                       text(series[i].front().modality, ", ", std::ssize(series[i]), " images of ",
-                                            series[i].front().columns, " by ", series[i].front().rows));
+            grids.choices.emplace_back(names[i], text(series[i].front().modality, stack_text(series[i]), ", ",
+                                                      std::ssize(series[i]), " images of ", series[i].front().columns,
+                                                      " by ", series[i].front().rows));
     }
     Slice const first = series[chosen].front();
     physical_ = std::any_of(series[chosen].begin(), series[chosen].end(),

@@ -98,7 +98,39 @@ std::vector<std::byte> encode(FloatPicture const& picture) {
     return bytes;
 }
 
+/// Attributes end where they say, within the file: OpenEXR takes memory for texts and lists before it reads them.
+void check_attributes(std::span<std::byte const> bytes) {
+    auto const number = [&](std::size_t at) {
+        std::uint32_t value = 0;
+        for (std::size_t i = 4; i-- > 0;) value = value << 8 | std::to_integer<std::uint32_t>(bytes[at + i]);
+        return value;
+    };
+    auto const ended = [] { throw Error(ErrorKind::data, "its header ended early"); };
+    if (bytes.size() < 8) ended();
+    bool const several_parts = (number(4) & 0x1000) != 0;
+    std::size_t at = 8;
+    auto const word = [&] { // without its zero, behind which `at` is then
+        std::size_t const begin = at;
+        while (at < bytes.size() && bytes[at] != std::byte{0}) ++at;
+        if (at++ >= bytes.size()) ended();
+        return at - 1 - begin;
+    };
+    for (;;) {
+        if (word() == 0) { // the end of a header, and of all of them if the next is empty
+            if (!several_parts || (at < bytes.size() && bytes[at] == std::byte{0})) return;
+            continue;
+        }
+        word(); // its type
+        if (bytes.size() - at < 4 || number(at) > bytes.size() - at - 4) ended();
+        at += 4 + number(at);
+    }
+}
+
 FloatPicture decode_unguarded(std::span<std::byte const> bytes, std::string const& name) {
+    check_attributes(bytes);
+    // Before it takes memory for their lines.
+    Imf::Header::setMaxImageSize(most_picture_side, most_picture_side);
+    Imf::Header::setMaxTileSize(most_picture_side, most_picture_side);
     MemoryInput stream(bytes, name);
     Imf::InputFile file(stream, 0);
     Imf::Header const& header = file.header();
@@ -131,6 +163,12 @@ FloatPicture decode_unguarded(std::span<std::byte const> bytes, std::string cons
             throw Error(ErrorKind::data, text("it has more than ", most_planes, " channels"));
         picture.planes.push_back({i.name(), {}, i.channel().type == Imf::HALF});
     }
+    // Nothing is allocated for what the file cannot hold: no compression packs more tightly than this.
+    constexpr double densest = 16384, at_least = 64 << 20;
+    double const needed = static_cast<double>(width * height) * 4 * static_cast<double>(picture.planes.size());
+    if (needed > std::max(at_least, densest * static_cast<double>(bytes.size())))
+        throw Error(ErrorKind::data, text("it ended early: ", width, " by ", height, " pixels in ",
+                                          bytes_text(static_cast<double>(bytes.size()))));
     for (FloatPicture::Plane& plane : picture.planes) {
         plane.values.resize(static_cast<std::size_t>(width * height));
         std::size_t const row = sizeof(float) * static_cast<std::size_t>(width);

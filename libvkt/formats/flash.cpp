@@ -257,7 +257,10 @@ void FlashFile::read_sizes() {
         attributes["time"] = to_text(time->second);
     else if (auto const old = member<double>("simulation parameters", "time", H5T_NATIVE_DOUBLE))
         attributes["time"] = to_text(*old);
-    if (auto const step = integers.find("nstep"); step != integers.end()) attributes["step"] = to_text(step->second);
+    if (auto const step = integers.find("nstep"); step != integers.end())
+        attributes["step"] = to_text(step->second);
+    else if (auto const old = member<int>("simulation parameters", "number of steps", H5T_NATIVE_INT))
+        attributes["step"] = to_text(*old);
     runtime_ = list<double>("real runtime parameters", H5T_NATIVE_DOUBLE);
 }
 
@@ -430,6 +433,12 @@ Index3 FlashFile::guard_cells(hid_t data, std::string const& name) const {
     std::vector<std::int64_t> const dims = extents(data);
     if (dims.size() != 4 || dims[0] != blocks_in_file_)
         refuse(text("variable '", name, "' is not one block of cells for each block of the tree"));
+    bool corners = true; // one more along every axis that there is
+    for (int a = 0; a < 3; ++a)
+        corners = corners && dims[static_cast<std::size_t>(3 - a)] == cells_[a] + (a < listing_.dimensions ? 1 : 0);
+    if (corners)
+        refuse(text("variable '", name, "' holds values at the corners of cells, and only those of cells are read"),
+               "checkpoints hold those of cells, and so do plot files that are written with corners = .false.");
     for (int a = 0; a < 3; ++a) {
         std::int64_t const surplus = dims[static_cast<std::size_t>(3 - a)] - cells_[a];
         if (surplus < 0 || surplus % 2 != 0 || surplus > 64)

@@ -670,6 +670,9 @@ ParsedGrids File::open(GridsChoice const& choice) {
     if (H5Lexists(file_, "refine level", H5P_DEFAULT) > 0 && H5Lexists(file_, "node type", H5P_DEFAULT) > 0 &&
         variable.empty())
         throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
+    if (variable.empty() && H5Lexists(file_, "sim info", H5P_DEFAULT) > 0 &&
+        H5Lexists(file_, "particle names", H5P_DEFAULT) > 0)
+        fail("is a FLASH file of particles, which are no volume", "plot files and checkpoints hold cells");
     if (variable.empty() && H5Lexists(file_, "minc-2.0", H5P_DEFAULT) > 0)
         fail("is a MINC file, which is not read", "with FreeSurfer or MINC's tools: mri_convert in.mnc out.nii.gz");
     find_datasets(grids.not_read);

@@ -33,6 +33,7 @@ struct Mode {
     std::int64_t code;
     DataType type;
 };
+constexpr std::int64_t packed_mode = 101; ///< two voxels of four bits in a byte, which rows begin anew
 constexpr Mode modes[] = {
     {0, DataType::int8}, {1, DataType::int16}, {2, DataType::float32}, {6, DataType::uint16}, {12, DataType::float16}};
 
@@ -124,16 +125,14 @@ DataType type_of(Words const& w, std::string const& name) {
     std::int64_t const mode = w.integer(4);
     // IMOD's bytes are unsigned unless its flags say otherwise.
     if (mode == 0 && w.integer(39) == 1146047817 && (w.integer(40) & 1) == 0) return DataType::uint8;
+    if (mode == packed_mode) return DataType::uint8;
     for (Mode const& m : modes)
         if (m.code == mode) return m.type;
     bool const complex = mode == 3 || mode == 4;
     throw Error(ErrorKind::data,
-                text("'", name, "': mode ", mode,
-                     complex       ? " are complex numbers"
-                     : mode == 101 ? " packs two voxels in a byte"
-                                   : " is unknown",
-                     "; modes 0, 1, 2, 6 and 12 are read"),
-                complex || mode == 101 ? "mrcfile and IMOD convert them" : "");
+                text("'", name, "': mode ", mode, complex ? " are complex numbers" : " is unknown",
+                     "; modes 0, 1, 2, 6, 12 and 101 are read"),
+                complex ? "mrcfile and IMOD convert them" : "");
 }
 
 std::string bytes_of(Header const& header, std::int64_t volumes);
@@ -207,8 +206,39 @@ RawLayout read_mrc_header(ByteSource& bytes) {
     return layout;
 }
 
+/// A byte for each voxel of rows of `width` voxels, the lower four bits of a byte first.
+std::unique_ptr<ByteSource> unpacked(std::unique_ptr<ByteSource> bytes, std::int64_t width) {
+    std::string const name = bytes->name();
+    std::shared_ptr<ByteSource> const source = std::move(bytes);
+    constexpr std::size_t block = std::size_t{64} << 10;
+    return std::make_unique<ByteSource>(name, [source, width, x = std::int64_t{0},
+                                               packed = std::vector<std::byte>(block), held = std::vector<std::byte>(),
+                                               at = std::size_t{0}](std::byte* to, std::size_t n) mutable {
+        if (at == held.size()) {
+            std::size_t const got = source->read(packed.data(), packed.size());
+            held.clear();
+            at = 0;
+            for (std::size_t i = 0; i < got; ++i) {
+                held.push_back(packed[i] & std::byte{15});
+                if (++x < width) {
+                    held.push_back(packed[i] >> 4);
+                    ++x;
+                }
+                if (x >= width) x = 0;
+            }
+        }
+        std::size_t const count = std::min(n, held.size() - at);
+        if (count > 0) std::memcpy(to, held.data() + at, count);
+        at += count;
+        return count;
+    });
+}
+
 std::unique_ptr<Source> open_mrc(std::unique_ptr<ByteSource> bytes, ReadOptions const&) {
+    std::optional<Words> const head = words_in(bytes->peek(size));
+    bool const packed = head && head->integer(4) == packed_mode;
     RawLayout layout = read_mrc_header(*bytes);
+    if (packed) bytes = unpacked(std::move(bytes), layout.header.dims.x);
     return raw_source(std::move(bytes), std::move(layout));
 }
 

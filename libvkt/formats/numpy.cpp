@@ -148,6 +148,7 @@ void read_type(RawLayout& layout, std::string const& descr, std::string const& n
 
 void read_shape(RawLayout& layout, std::vector<std::int64_t> shape, bool fortran, std::string const& name) {
     if (!fortran) std::reverse(shape.begin(), shape.end());
+    while (shape.size() > 4 && shape.back() == 1) shape.pop_back(); // batches of one
     if (shape.empty() || shape.size() > 4)
         throw Error(ErrorKind::data, text("'", name, "': an array of ", std::ssize(shape),
                                           " dimensions; one to three make a volume, four a series"));

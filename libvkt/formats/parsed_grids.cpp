@@ -141,6 +141,7 @@ void GridsSource::open() {
     Message answer = child_->ask(request);
     grids_ = grids_in(answer);
     check_answer();
+    if (!grids_.places.empty() || !grids_.chunk_places.empty()) child_->dismiss(); // the voxels are read from the file
     if (!grids_.choices.empty()) {
         std::vector<std::string> names;
         for (auto const& [name, about] : grids_.choices) {

@@ -138,8 +138,8 @@ bool read_shaped(std::string const& description, std::int64_t pages, std::int64_
 class OmeReader {
 public:
     OmeReader(TiffDescribed const& about, bool first, TiffDescription& result)
-        : file_(about.file), file_pages_(about.all_pages), samples_(about.samples), wanted_(about.image),
-          take_first_(first), result_(result) {}
+        : file_(about.file), own_name_(about.own_name), file_pages_(about.all_pages), samples_(about.samples),
+          wanted_(about.image), take_first_(first), result_(result) {}
 
     bool read(std::string const& text) {
         XML_Parser const parser = XML_ParserCreate(nullptr);
@@ -269,20 +269,30 @@ private:
                 result = result * sizes[i] + (order_[i + 2] == 'Z' ? z : order_[i + 2] == 'C' ? ch : t);
             return result;
         };
-        std::vector<std::int64_t> by_order(static_cast<std::size_t>(planes), -1);
+        struct Place {
+            std::size_t file = 0;
+            std::int64_t page = -1;
+        };
+        std::vector<Place> by_order(static_cast<std::size_t>(planes));
         if (data_.empty()) data_.push_back({});
         data_file_.resize(data_.size());
         std::string const here = own_name();
         std::int64_t next = 0;
+        result_.files.clear();
         for (std::size_t d = 0; d < data_.size(); ++d) {
             Data const& one = data_[d];
             std::string const& file = data_file_[d];
-            if (!file.empty() && files_.size() > 1 && file != here) continue; // told below if it is missed
+            std::size_t number = 0;
+            if (!file.empty() && files_.size() > 1 && file != here) {
+                auto const found = std::find(result_.files.begin(), result_.files.end(), file);
+                number = static_cast<std::size_t>(found - result_.files.begin()) + 1;
+                if (found == result_.files.end()) result_.files.push_back(file);
+            }
             std::int64_t const first = linear(one.first_z, one.first_c / per_page, one.first_t);
             std::int64_t const ifd = one.ifd >= 0 ? one.ifd : one.first_z + one.first_c + one.first_t > 0 ? next : 0;
             std::int64_t const count = one.planes >= 0 ? one.planes : one.ifd >= 0 ? 1 : planes;
-            for (std::int64_t i = 0; i < count && first + i < planes && ifd + i < file_pages_; ++i)
-                by_order[static_cast<std::size_t>(first + i)] = ifd + i;
+            for (std::int64_t i = 0; i < count && first + i < planes && (number > 0 || ifd + i < file_pages_); ++i)
+                by_order[static_cast<std::size_t>(first + i)] = {number, ifd + i};
             next = ifd + count;
         }
         result_.kind = TiffDescription::Kind::ome;
@@ -290,31 +300,27 @@ private:
         result_.channels = c;
         result_.frames = t_;
         result_.pages.clear();
+        result_.file_of.clear();
         for (std::int64_t t = 0; t < t_; ++t)
             for (std::int64_t ch = 0; ch < c; ++ch)
                 for (std::int64_t z = 0; z < z_; ++z) {
-                    std::int64_t const page = by_order[static_cast<std::size_t>(linear(z, ch, t))];
-                    if (page < 0 && files_.size() > 1)
-                        fail(text("places planes in other files, such as '", *files_.begin(), "'"),
-                             "put them into one file first: bfconvert");
+                    auto const [file, page] = by_order[static_cast<std::size_t>(linear(z, ch, t))];
                     if (page < 0)
                         fail(text("has no page for slice ", z, " of channel ", ch, ", frame ", t, "; the file holds ",
                                   file_pages_, " pages"));
+                    if (!result_.files.empty()) result_.file_of.push_back(file);
                     result_.pages.push_back(page);
                 }
         if (per_page == 1) result_.channel_names = channel_names_;
     }
 
-    /// Planes are said to be in the file by its name, which is known to messages only; the name most often met stands
-    /// for it.
+    /// Planes are said to be in the file by its name; of one that was given another the first that is met stands for
+    /// it.
     std::string own_name() const {
-        std::size_t const slash = file_.rfind('/');
-        std::string const name = slash == std::string::npos ? file_ : file_.substr(slash + 1);
-        if (files_.count(name) > 0 || files_.empty()) return name;
-        return data_file_.front();
+        return files_.count(own_name_) > 0 || files_.empty() ? own_name_ : data_file_.front();
     }
 
-    std::string const& file_;
+    std::string const &file_, &own_name_;
     std::int64_t file_pages_, samples_;
     std::string const& wanted_;
     bool take_first_;

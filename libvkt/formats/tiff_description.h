@@ -22,6 +22,10 @@ struct TiffDescription {
     /// OME, tifffile: the page of each plane, [frame][channel][slice]. OME counts all pages of the file, tifffile those
     /// of one size.
     std::vector<std::int64_t> pages;
+    /// OME: other files that hold planes, and for each plane which of them has it, from 1 on; 0 is this file. Empty if
+    /// all of them lie here. `pages` counts those of each file.
+    std::vector<std::string> files;
+    std::vector<std::size_t> file_of;
     bool image_found = false; ///< OME: the image that was asked for is there
     std::optional<double> spacing_x, spacing_y, spacing_z, interval;
     std::string unit; ///< of the spacing, "mm"; empty: nobody says
@@ -38,11 +42,11 @@ struct TiffDescribed {
     std::int64_t pages = 1;     ///< of one size
     std::int64_t all_pages = 1; ///< of any size
     std::int64_t samples = 1;   ///< values in each pixel, which OME counts among the channels
+    std::string own_name;       ///< as other files call it; empty if it has none
     std::string image;          ///< OME: the one that is asked for; empty, or one that is not there: the first
 };
 
-/// Throws Error{data} where a description that is OME's contradicts itself or names planes in other files; what is no
-/// description at all is plain.
+/// Throws Error{data} where a description that is OME's contradicts itself; what is no description at all is plain.
 TiffDescription tiff_description(std::string const& text, TiffDescribed const& about);
 
 } // namespace vkt

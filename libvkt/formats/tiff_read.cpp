@@ -3,6 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tiff_description.h"
 #include "libvkt/formats/tiff_module.h"
 
@@ -15,6 +16,8 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <map>
+#include <utility>
 
 namespace vkt::tiff {
 namespace {
@@ -31,6 +34,7 @@ void complain(char const* module, char const* format, va_list arguments) {
 }
 
 struct Page {
+    std::size_t file = 0; ///< 0: the one that was opened, others are those of its description
     std::uint64_t offset = 0;
     std::uint32_t width = 0, height = 0;
     std::uint16_t bits = 1, format = SAMPLEFORMAT_UINT, samples = 1, planar = PLANARCONFIG_CONTIG, photometric = 0,
@@ -78,9 +82,15 @@ public:
         TIFFSetWarningHandler(nullptr);
         tiff_ = TIFFOpen(path.c_str(), "rO"); // tables of strips are read as they are needed
         if (tiff_ == nullptr) fail(text("libtiff cannot open it: ", complaint));
+        own_ = tiff_;
+        std::error_code error;
+        std::filesystem::path const place = std::filesystem::read_symlink(path, error); // it is handed over open
+        home_ = error ? path : place.string();
+        bytes_ = static_cast<double>(std::filesystem::file_size(path_, error));
     }
     ~TiffFile() override {
-        if (tiff_ != nullptr) TIFFClose(tiff_);
+        if (other_ != nullptr) TIFFClose(other_);
+        if (own_ != nullptr) TIFFClose(own_);
     }
     TiffFile(TiffFile const&) = delete;
     TiffFile& operator=(TiffFile const&) = delete;
@@ -104,7 +114,9 @@ private:
     void take_level(std::int64_t level);
     void read_words();
     bool asked_by_number(std::string const& variable);
-    TiffDescription describe(std::string const& image);
+    TiffDescription describe(std::string const& image, bool trust_paths);
+    void take_files(TiffDescription& about, bool trust_paths);
+    void open_file(std::size_t number);
     void say_not_read(std::vector<std::string>& not_read);
     Vec3 lie_over_the_full_image(Geometry& geometry) const;
     DataType type_of(Page const& page) const;
@@ -118,13 +130,16 @@ private:
     void copy_row(Page const& page, std::byte const* row, std::uint32_t first, std::uint32_t count,
                   std::uint16_t sample, std::byte* to) const;
 
-    std::string path_;
-    TIFF* tiff_ = nullptr;
-    std::vector<Page> every_;          ///< in the order of the file
-    std::vector<std::size_t> numbers_; ///< of pages_ among them
-    std::vector<Page> pages_;          ///< those that are read, of one size
-    std::optional<Page> full_;         ///< of which the pages are reduced ones
-    std::vector<Plane> planes_;        ///< slices of all volumes
+    std::string path_, home_;                                  ///< home_: where it lies
+    TIFF *tiff_ = nullptr, *own_ = nullptr, *other_ = nullptr; ///< tiff_: that which is open of the other two
+    std::size_t file_ = 0;                                     ///< its number
+    std::vector<std::string> files_;                           ///< others, from number 1 on
+    double bytes_ = 0;                                         ///< of all of them
+    std::vector<Page> every_;                                  ///< in the order of the file
+    std::vector<std::size_t> numbers_;                         ///< of pages_ among them
+    std::vector<Page> pages_;                                  ///< those that are read, of one size
+    std::optional<Page> full_;                                 ///< of which the pages are reduced ones
+    std::vector<Plane> planes_;                                ///< slices of all volumes
     std::string description_;
     double resolution_x_ = 0, resolution_y_ = 0;
     std::uint16_t resolution_unit_ = RESUNIT_INCH;
@@ -251,10 +266,78 @@ bool TiffFile::asked_by_number(std::string const& variable) {
     return false;
 }
 
+/// Continues with the file of that number.
+void TiffFile::open_file(std::size_t number) {
+    if (number == file_) return;
+    if (other_ != nullptr) TIFFClose(std::exchange(other_, nullptr));
+    here_ = static_cast<std::size_t>(-1);
+    tiff_ = own_;
+    file_ = 0;
+    if (number == 0) return;
+    std::string const& name = files_[number - 1];
+    complaint.clear();
+    other_ = TIFFOpen(name.c_str(), "rO");
+    if (other_ == nullptr)
+        fail(text("the file '", name, "' that its description names cannot be opened: ", complaint),
+             "put all files of the image into one folder");
+    tiff_ = other_;
+    file_ = number;
+}
+
+/// Reads planes of other files too, which lie beside this one.
+void TiffFile::take_files(TiffDescription& about, bool trust_paths) {
+    std::vector<std::vector<Page>> all{every_};
+    for (std::string const& name : about.files) {
+        files_.push_back(beside(home_, name, trust_paths));
+        std::error_code error;
+        std::filesystem::path const place = files_.back();
+        if (!std::filesystem::is_regular_file(place, error))
+            fail(text("the file '", name, "' that its description names is not there"),
+                 "put all files of the image into one folder");
+        bytes_ += static_cast<double>(std::filesystem::file_size(place, error));
+        open_file(files_.size());
+        every_.clear();
+        read_pages();
+        for (Page& page : every_) page.file = files_.size();
+        all.push_back(std::move(every_));
+    }
+    every_ = all.front();
+    open_file(0);
+    std::vector<Page> pages;
+    std::map<std::pair<std::size_t, std::int64_t>, std::int64_t> seen;
+    numbers_.clear();
+    for (std::size_t i = 0; i < about.pages.size(); ++i) {
+        std::size_t const file = about.file_of[i];
+        std::int64_t& page = about.pages[i];
+        if (page >= std::ssize(all[file]))
+            fail(text("its description names page ", page, " of '", file == 0 ? path_ : about.files[file - 1],
+                      "', which has ", std::ssize(all[file])));
+        Page const& found = all[file][static_cast<std::size_t>(page)];
+        if (!pages.empty() && !found.alike(pages.front()))
+            fail("its OME description places planes of one image on pages of different sizes");
+        auto const [entry, added] = seen.try_emplace({file, page}, std::ssize(pages));
+        if (added) pages.push_back(found);
+        if (added && file == 0) numbers_.push_back(static_cast<std::size_t>(page));
+        page = entry->second;
+    }
+    std::sort(numbers_.begin(), numbers_.end());
+    pages_ = std::move(pages);
+    here_ = static_cast<std::size_t>(-1);
+}
+
 /// What the description of the pages says. OME's is in one of them for all, and may speak of pages of another size.
-TiffDescription TiffFile::describe(std::string const& image) {
-    TiffDescribed of{path_, std::ssize(pages_), std::ssize(every_), pages_.front().samples, image};
+TiffDescription TiffFile::describe(std::string const& image, bool trust_paths) {
+    TiffDescribed of{path_,
+                     std::ssize(pages_),
+                     std::ssize(every_),
+                     pages_.front().samples,
+                     std::filesystem::path(home_).filename().string(),
+                     image};
     TiffDescription about = tiff_description(description_, of);
+    if (!about.files.empty() && !full_) {
+        take_files(about, trust_paths);
+        return about;
+    }
     if (full_ && every_[numbers_.front()].reduced) { // of the pages that were reduced nobody says which are there
         about.pages.clear();
         about.slices = about.images = 0;
@@ -339,9 +422,8 @@ DataType TiffFile::type_of(Page const& page) const {
 
 /// Nothing is allocated for pages that the file cannot hold.
 void TiffFile::check_size(Page const& page, std::int64_t planes) const {
-    std::error_code error;
-    auto const size = static_cast<double>(std::filesystem::file_size(path_, error));
-    if (error) return;
+    double const size = bytes_;
+    if (!(size > 0)) return;
     double const decoded = static_cast<double>(page.width) * page.height * page.bits / 8 * static_cast<double>(planes);
     if (decoded > size * densest(page.compression) + 64)
         fail(text("ended early: ", planes, " planes of ", static_cast<std::int64_t>(page.width), " by ",
@@ -497,6 +579,7 @@ bool TiffFile::dense_at(Page const& page, std::int64_t& place) {
 }
 
 void TiffFile::find_places(ParsedGrids& grids, TiffDescription const& about) {
+    if (!files_.empty()) return;
     std::vector<std::int64_t> of_page(pages_.size());
     for (std::size_t i = 0; i < pages_.size(); ++i) {
         go_to(i);
@@ -520,7 +603,7 @@ ParsedGrids TiffFile::open(GridsChoice const& choice) {
     take_like(full < every_.size() ? full : 0);
     read_words();
     bool const by_number = asked_by_number(variable);
-    TiffDescription const about = describe(by_number ? "" : variable);
+    TiffDescription const about = describe(by_number ? "" : variable, choice.trust_paths);
     Page const& first = pages_.front();
     type_ = type_of(first);
     say_not_read(grids.not_read);
@@ -588,6 +671,7 @@ ParsedGrids TiffFile::open(GridsChoice const& choice) {
 }
 
 void TiffFile::go_to(std::size_t page) {
+    open_file(pages_[page].file);
     if (here_ == page) return;
     complaint.clear();
     if (TIFFSetSubDirectory(tiff_, pages_[page].offset) == 0)

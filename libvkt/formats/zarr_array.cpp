@@ -39,6 +39,18 @@ constexpr TypeName type_names[] = {
     {"f4", "float32", DataType::float32}, {"f8", "float64", DataType::float64}, {"b1", "bool", DataType::uint8},
 };
 
+/// By numcodecs' name.
+std::optional<Codec> codec_named(std::string const& name) {
+    constexpr std::pair<char const*, Codec> known[] = {
+        {"zlib", Codec::zlib}, {"gzip", Codec::gzip}, {"zstd", Codec::zstd}, {"blosc", Codec::blosc},
+        {"lz4", Codec::lz4},   {"bz2", Codec::bzip2}, {"lzma", Codec::lzma}};
+    auto const found = std::find_if(std::begin(known), std::end(known), [&](auto const& k) { return name == k.first; });
+    return found == std::end(known) ? std::nullopt : std::optional(found->second);
+}
+
+/// Of version 3 without a prefix.
+bool standard(Codec codec) { return codec == Codec::gzip || codec == Codec::zstd || codec == Codec::blosc; }
+
 class Metadata {
 public:
     explicit Metadata(std::string folder) { array_.folder = std::move(folder); }
@@ -66,6 +78,8 @@ private:
     void read_v3(Json const& json);
     void read_type(std::string name, bool v2);
     void read_codecs(Json const& list, bool inside_shard);
+    bool read_filter(std::string const& name, Json const& configuration);
+    DataType filter_type(Json const& configuration, char const* name, DataType otherwise);
     void read_shard(Json const& configuration);
     void read_transpose(Json const& configuration);
     void read_fill(Json const& value);
@@ -186,20 +200,73 @@ void Metadata::read_v2(Json const& json) {
     std::iota(array_.order.begin(), array_.order.end(), std::size_t{0});
     if (Json const* const order = maybe(json, "order"); order != nullptr && *order == "F")
         std::reverse(array_.order.begin(), array_.order.end());
-    if (Json const* const filters = maybe(json, "filters"); filters != nullptr && !filters->empty())
-        fail("filters before compression, which are not read", "in Python: store it again without filters");
+    if (Json const* const filters = maybe(json, "filters"))
+        for (auto const& filter : *filters)
+            if (std::string const id = words(member(filter, "id"), "the filter's id"); !read_filter(id, filter))
+                fail(text("the filter '", id.substr(0, 40), "', which is not read"),
+                     "in Python: store it again without filters");
     if (Json const* const compressor = maybe(json, "compressor")) {
         std::string const id = words(member(*compressor, "id"), "the compressor's id");
-        constexpr std::pair<char const*, Codec> known[] = {
-            {"zlib", Codec::zlib}, {"gzip", Codec::gzip}, {"zstd", Codec::zstd}, {"blosc", Codec::blosc},
-            {"lz4", Codec::lz4},   {"bz2", Codec::bzip2}, {"lzma", Codec::lzma}};
-        auto const found =
-            std::find_if(std::begin(known), std::end(known), [&](auto const& k) { return id == k.first; });
-        if (found == std::end(known))
+        auto const codec = codec_named(id);
+        if (!codec)
             fail(text("compressed by '", id.substr(0, 40), "'; zlib, gzip, zstd, blosc, lz4, bz2 and lzma are read"));
-        array_.codecs.push_back(found->second);
+        array_.codecs.push_back(*codec);
     }
     if (Json const* const fill = maybe(json, "fill_value")) read_fill(*fill);
+}
+
+/// A type of NumPy in a filter's configuration. Its byte order, of the last filter, is that of the chunks.
+DataType Metadata::filter_type(Json const& configuration, char const* name, DataType otherwise) {
+    Json const* const type = maybe(configuration, name);
+    if (type == nullptr) return otherwise;
+    DataType const own = array_.dtype;
+    std::string word = words(*type, name);
+    for (TypeName const& entry : type_names) // "float32" too
+        if (word == entry.v3) word = text("<", entry.v2);
+    read_type(word, true);
+    return std::exchange(array_.dtype, own);
+}
+
+/// False for what is no filter that is read.
+bool Metadata::read_filter(std::string const& name, Json const& configuration) {
+    Filter filter;
+    auto const number = [&](char const* what) {
+        Json const& value = member(configuration, what);
+        if (!value.is_number()) fail(text("a filter's ", what, " is no number"));
+        return value.get<double>();
+    };
+    if (array_.filters.size() >= 8) fail("more than eight filters");
+    if (name == "shuffle") {
+        Json const* const element = maybe(configuration, "elementsize");
+        std::uint64_t const size = element != nullptr && element->is_number_unsigned() ? element->get<std::uint64_t>()
+                                   : element == nullptr                                ? 4
+                                                                                       : 0;
+        if (size < 1 || size > 1024) fail("a filter that parts bytes of no elements");
+        filter.kind = Filter::Kind::bytes_apart;
+        filter.element = static_cast<std::size_t>(size);
+        array_.filters.push_back(filter);
+        return true;
+    }
+    constexpr std::string_view of_numbers[] = {"delta", "fixedscaleoffset", "quantize", "astype", "bitround"};
+    if (std::find(std::begin(of_numbers), std::end(of_numbers), name) == std::end(of_numbers)) return false;
+    if (!array_.filters.empty() && array_.filters.back().kind == Filter::Kind::bytes_apart)
+        fail("a filter of numbers behind one of bytes, which is not read");
+    if (name == "bitround") return true; // what was rounded stays so
+    DataType const before = array_.filters.empty() ? array_.dtype : array_.filters.back().to;
+    filter.from = filter_type(configuration, name == "astype" ? "decode_dtype" : "dtype", before);
+    filter.to = filter_type(configuration, name == "astype" ? "encode_dtype" : "astype", filter.from);
+    if (name == "delta") {
+        member(configuration, "dtype");
+        filter.kind = Filter::Kind::delta;
+    } else if (name == "fixedscaleoffset") {
+        filter.kind = Filter::Kind::scale;
+        filter.scale = number("scale");
+        filter.offset = number("offset");
+        if (!(std::abs(filter.scale) > 0)) fail("a filter whose scale is 0");
+    }
+    if (filter.from != before) fail("filters of other types than its own");
+    array_.filters.push_back(filter);
+    return true;
 }
 
 void Metadata::read_transpose(Json const& configuration) {
@@ -262,10 +329,14 @@ void Metadata::read_codecs(Json const& list, bool inside_shard) {
             if (Json const* const endian = maybe(how, "endian")) array_.big_endian = *endian == "big";
         } else if (name == "sharding_indexed" && !inside_shard && list.size() == 1) {
             return read_shard(how);
+        } else if (name.starts_with("numcodecs.") && read_filter(name.substr(10), how)) {
+            if (bytes != (name == "numcodecs.shuffle") || !array_.codecs.empty())
+                fail(text("the filter '", name.substr(0, 40), "' where it cannot be"));
         } else if (bytes && name == "crc32c") {
             array_.codecs.push_back(Codec::crc32c);
-        } else if (bytes && (name == "gzip" || name == "zstd" || name == "blosc") && ++compressors == 1) {
-            array_.codecs.push_back(name == "gzip" ? Codec::gzip : name == "zstd" ? Codec::zstd : Codec::blosc);
+        } else if (auto const known = codec_named(name.starts_with("numcodecs.") ? name.substr(10) : name);
+                   bytes && known && (name.starts_with("numcodecs.") || standard(*known)) && ++compressors == 1) {
+            array_.codecs.push_back(*known);
         } else {
             fail(text("encoded by '", name.substr(0, 40),
                       "' in a way that is not read; bytes, transpose, gzip, zstd, blosc, crc32c and "
@@ -345,6 +416,10 @@ std::size_t Array::inner_bytes() const {
     std::size_t bytes = size_of(dtype);
     for (std::int64_t const n : inner) bytes *= static_cast<std::size_t>(n);
     return bytes;
+}
+
+std::size_t Array::filtered_bytes() const {
+    return zarr::filtered_bytes(filters, dtype, inner_bytes() / size_of(dtype));
 }
 
 std::string Array::key(Position const& file) const {
@@ -456,21 +531,26 @@ Chunks::Place Chunks::place(Position const& at) const {
                         text("'", store_->shown(place.key), "': damaged: a chunk lies outside of its shard"));
     }
     // What compression can make of a chunk at worst.
-    if (place.size > 2 * array_.inner_bytes() + 4096)
+    if (place.size > 2 * std::max(array_.inner_bytes(), array_.filtered_bytes()) + 4096)
         throw Error(ErrorKind::data, text("'", store_->shown(place.key), "': damaged: ",
                                           static_cast<std::int64_t>(place.size), " bytes are too many for a chunk"));
     return place;
 }
 
-bool Chunks::read(Position const& at, std::span<std::byte> to, Scratch& scratch) const {
+bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scratch) const {
     Place const from = place(at);
     if (!from.file) return false;
     auto const& codecs = array_.codecs;
     std::string const file = store_->shown(from.key);
+    bool const filtered = !array_.filters.empty();
+    std::span<std::byte> const to = filtered ? room(scratch.filtered, array_.filtered_bytes()) : result;
+    auto const check_size = [&](std::size_t size) {
+        if (size != to.size())
+            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(size), " bytes, ",
+                                              static_cast<std::int64_t>(to.size()), " expected"));
+    };
     if (codecs.empty()) {
-        if (from.size != to.size())
-            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(from.size),
-                                              " bytes, ", static_cast<std::int64_t>(to.size()), " expected"));
+        check_size(from.size);
         from.file->read(from.begin, to);
     } else {
         std::span<std::byte> bytes = room(scratch.encoded, from.size);
@@ -486,11 +566,12 @@ bool Chunks::read(Position const& at, std::span<std::byte> to, Scratch& scratch)
             bytes = target;
             std::swap(held, other);
         }
-        if (bytes.size() != to.size())
-            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(bytes.size()),
-                                              " bytes, ", static_cast<std::int64_t>(to.size()), " expected"));
+        check_size(bytes.size());
     }
-    if (array_.big_endian) swap_bytes(to.data(), to.size() / size_of(array_.dtype), size_of(array_.dtype));
+    if (filtered)
+        undo(array_.filters, array_.big_endian, to, size_of(array_.dtype), scratch.unfiltered, result);
+    else if (array_.big_endian)
+        swap_bytes(result.data(), result.size() / size_of(array_.dtype), size_of(array_.dtype));
     return true;
 }
 

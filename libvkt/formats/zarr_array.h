@@ -4,6 +4,7 @@
 
 #include "libvkt/core/large_vector.h"
 #include "libvkt/core/types.h"
+#include "libvkt/formats/zarr_filters.h"
 #include "libvkt/formats/zarr_store.h"
 
 #include <array>
@@ -45,7 +46,8 @@ struct Array {
     DataType dtype = DataType::uint8;
     bool big_endian = false;
     std::array<std::byte, 8> fill{}; ///< of one voxel, in this machine's byte order
-    std::vector<Codec> codecs;       ///< of what is encoded by itself, in the order of encoding
+    std::vector<Filter> filters;     ///< of what is encoded by itself, before the codecs
+    std::vector<Codec> codecs;       ///< of the same, in the order of encoding
     bool sharded = false, index_first = false, index_checksum = false;
     char separator = '.';
     bool prefix = false;            ///< keys begin with "c"
@@ -53,6 +55,7 @@ struct Array {
     std::string attributes = "{}";  ///< JSON
 
     std::size_t inner_bytes() const;
+    std::size_t filtered_bytes() const; ///< of the same as codecs get it
     std::string key(Position const& file) const;
 };
 
@@ -70,7 +73,7 @@ Array parse_array(std::string const& json, int version, std::string const& folde
 
 /// Memory that a thread keeps from chunk to chunk.
 struct Scratch {
-    LargeVector<std::byte> encoded, decoded;
+    LargeVector<std::byte> encoded, decoded, filtered, unfiltered;
 };
 
 /// Chunks, read by any number of threads.

@@ -96,6 +96,10 @@ ParserLimits parser_limits(std::size_t budget, std::int64_t file_size) {
     std::size_t const wanted = std::max(std::min(budget, std::size_t{1} << 60), 64 * size);
     limits.memory = std::min(wanted, std::max(1024 * size, 256 * mebi)) + 256 * mebi;
     limits.seconds = static_cast<int>(std::clamp<std::int64_t>(file_size / 1000000, 600, 1 << 30));
+    // A small file has nothing that takes long between two reads; pictures of a large one may be decoded after all of
+    // it was read.
+    if (!sanitized_build)
+        limits.patience = static_cast<int>(std::clamp<std::int64_t>(10 + file_size / 4000000, 10, 60));
     if (char const* const asked = std::getenv("VKT_PARSER_PATIENCE"); asked != nullptr && *asked != '\0') {
         std::int64_t const seconds = parse_integer(asked);
         if (seconds < 1 || seconds > 1000000)
@@ -158,6 +162,13 @@ void Parser::end(bool kill) {
     if (kill) ::kill(process, SIGKILL);
     while (::waitpid(process, nullptr, 0) < 0 && errno == EINTR) {
     }
+}
+
+void Parser::dismiss() {
+    if (socket_ >= 0) ::close(std::exchange(socket_, -1));
+    if (process_ >= 0) ::kill(process_, SIGKILL); // and waited for at the end
+    lost_ = text("'", name_, "': its reader was dismissed");
+    lost_kind_ = ErrorKind::failure;
 }
 
 void Parser::send(Message const& request) {
@@ -325,7 +336,7 @@ void Parser::lost(std::string const& deed) {
         lost_ = text("'", name_, "': ", kind == ErrorKind::data ? "damaged: " : "", "its reader ", did);
         lost_kind_ = kind;
     }
-    throw Error(lost_kind_, lost_);
+    throw Error(lost_kind_, lost_, lost_kind_ == ErrorKind::data ? "copy it again from where it came from" : "");
 }
 
 } // namespace vkt

@@ -27,9 +27,9 @@ struct ParserLimits {
 
 /// Memory: the stage's budget or 64 times the file, whichever is more, and 256 MiB for the library itself. No format
 /// whose tree lies in memory packs it more tightly than 1:64 (masks are not compressed); cells pass through in
-/// portions. Time: VKT_PARSER_PATIENCE seconds (30) of the processor without reading on, and ten minutes in all, longer
-/// for files above 600 MB: one second for each of their megabytes. Throws Error{usage} if the variable is no number of
-/// seconds.
+/// portions. Time: VKT_PARSER_PATIENCE seconds of the processor without reading on (10, and one for each 4 MB of the
+/// file, up to 60), and ten minutes in all, longer for files above 600 MB: one second for each of their megabytes.
+/// Throws Error{usage} if the variable is no number of seconds.
 ParserLimits parser_limits(std::size_t budget, std::int64_t file_size);
 
 /// The child, seen by the process that asks it. It is started by posix_spawn from a small program of its own and not by
@@ -54,6 +54,9 @@ public:
     Message receive();
     /// Request and answer, once those under way that nobody waits for have come.
     Message ask(Message const& request);
+
+    /// Ends the child, of which nothing is wanted any more; its memory goes while this process works on.
+    void dismiss();
 
     /// Memory that both sides see, which the child may fill while this side reads another part of it. Once.
     std::span<std::byte const> share(std::size_t bytes);

@@ -98,7 +98,8 @@ private:
         } catch (std::bad_alloc const&) {
             return out_of_memory();
         } catch (std::exception const& e) {
-            return error(ErrorKind::data, renamed(text(path_, ": ", e.what()), path_, task_.name), "");
+            return error(ErrorKind::data, renamed(text("'", path_, "': damaged: ", e.what()), path_, task_.name),
+                         "copy it again from where it came from");
         }
     }
 
