@@ -160,8 +160,8 @@ public:
     /// Reductions: false if what was measured is not as it should be; the command then exits with 1.
     virtual bool satisfied() const { return true; }
 
-    /// True if run() works on device memory; of reductions, if what they do to an input does. Before begin() of what no
-    /// volume is known to forbid.
+    /// True if run() works on device memory; of reductions, if what they do to an input does. Before begin(): if it
+    /// does so for some volumes.
     virtual bool runs_on_gpu() const { return false; }
     /// True if scan() works on device memory.
     virtual bool scans_on_gpu() const { return shape() == Shape::reduction && runs_on_gpu(); }
