@@ -103,7 +103,8 @@ bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::si
 double peak_bytes(std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work, Plan const& plan,
                   std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
     auto bytes = static_cast<double>(tree ? tree->bytes : work ? work->bytes : plan.state_bytes);
-    if (work && plan.whole) return bytes + static_cast<double>(plan.output.bytes()); // its inputs are in it
+    if (work && plan.whole) // its inputs are in it
+        return bytes + static_cast<double>(plan.output.bytes()) + in_flight(plan.output, execution);
     if (tree) return bytes + (reduction || is_tree(plan.output) ? 0 : in_flight(plan.output, execution));
     if (!reduction)
         bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);

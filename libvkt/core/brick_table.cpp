@@ -20,35 +20,29 @@ double volume(Index3 n) { return static_cast<double>(n.x) * static_cast<double>(
 
 int bits_for(std::int64_t largest) { return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(largest))); }
 
-/// The packing that suits bricks if any does: their largest extents are those of the block, doubled as often as the
-/// smallest of those bricks need that do not end with the grid.
+/// The packing that suits bricks if any does: of the smallest that do not end with the grid, doubled as often as the
+/// largest need.
 std::optional<BrickPacking> packing_of(Index3 logical, std::vector<Brick> const& bricks) {
     Index3 largest{1, 1, 1};
     int levels = 1;
     for (Brick const& brick : bricks) {
-        if (brick.level < 0) return std::nullopt;
+        if (brick.level < 0 || brick.dims.x < 1 || brick.dims.y < 1 || brick.dims.z < 1) return std::nullopt;
         levels = std::max(levels, brick.level + 1);
         for (int a = 0; a < 3; ++a) largest[a] = std::max(largest[a], brick.dims[a]);
     }
     if (bricks.empty() || levels > max_level + 1) return std::nullopt;
     for (int a = 0; a < 3; ++a)
         if (largest[a] > std::min<std::int64_t>(logical[a], largest_block)) return std::nullopt;
-    int doublings = 0;
+    Index3 block = largest;
     for (Brick const& brick : bricks)
         for (int a = 0; a < 3; ++a) {
             std::int64_t const width = logical[a] == 1 ? 1 : brick.cell_width();
             bool const ends = brick.lower[a] > logical[a] - (brick.dims[a] + 1) * width; // no room for one more cell
-            if (logical[a] == 1 || ends) continue;
-            if (brick.dims[a] < 1) return std::nullopt;
-            doublings = std::max(doublings, bits_for((largest[a] - 1) / brick.dims[a]));
+            if (!ends) block[a] = std::min(block[a], brick.dims[a]);
         }
+    int doublings = 0;
+    for (int a = 0; a < 3; ++a) doublings = std::max(doublings, bits_for((largest[a] - 1) / block[a]));
     if (doublings > BrickPacking::most_doublings) return std::nullopt;
-    Index3 block = largest;
-    for (int a = 0; a < 3; ++a) {
-        if (logical[a] == 1) continue;
-        if (largest[a] % (std::int64_t{1} << doublings) != 0) return std::nullopt;
-        block[a] >>= doublings;
-    }
     BrickPacking const packing(logical, block, levels, doublings);
     return packing.words() > 0 ? std::optional(packing) : std::nullopt;
 }
