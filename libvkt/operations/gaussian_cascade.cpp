@@ -161,6 +161,18 @@ double cost_of(std::array<CascadeAxis const*, 3> const& axes, Index3 n) {
                (coarse[1] * extended[0] + coarse[0] + coarse[2] / extended[2]);
 }
 
+/// Of all steps and degrees that suit the sigma.
+std::vector<CascadeAxis> cascades_within(double sigma, double truncation) {
+    std::vector<CascadeAxis> axes;
+    for (std::int64_t const step : steps) {
+        double const knots = sigma / static_cast<double>(step);
+        if (knots < 1.2 || (knots > 16 && step < 48)) continue;
+        for (int const degree : {3, 5})
+            if (auto axis = cascade_within(sigma, step, degree, truncation)) axes.push_back(std::move(*axis));
+    }
+    return axes;
+}
+
 } // namespace
 
 GaussianRounding CascadeAxis::rounding(double unit) const {
@@ -198,6 +210,7 @@ Span voxels_under(CascadeAxis const& axis, Span voxels) {
 std::optional<GaussianCascade> gaussian_cascade(Vec3 const& sigma, Index3 dims, Boundary boundary, double truncation,
                                                 std::array<GaussianTaps, 3> const& direct) {
     std::array<std::vector<CascadeAxis>, 3> choices;
+    std::array<std::vector<CascadeAxis>, 3> found; // for the sigma of an axis, unless one before has the same
     bool any = false;
     for (int i = 0; i < 3; ++i) {
         auto& choice = choices[static_cast<std::size_t>(i)];
@@ -206,17 +219,15 @@ std::optional<GaussianCascade> gaussian_cascade(Vec3 const& sigma, Index3 dims, 
         plain.coarse = direct[static_cast<std::size_t>(i)];
         plain.truncation = plain.coarse.truncation;
         if (plain.coarse.radius == 0 || sigma[i] > most_sigma) continue;
-        for (std::int64_t const step : steps) {
-            double const knots = sigma[i] / static_cast<double>(step);
-            if (knots < 1.2 || (knots > 16 && step < 48)) continue;
-            for (int const degree : {3, 5}) {
-                auto axis = cascade_within(sigma[i], step, degree, truncation);
-                if (!axis) continue;
-                // Slices that wrap around come from the engine, and should do so once.
-                if (i == 2 && boundary == Boundary::wrap && axis->reach(1) > dims.z) continue;
-                choice.push_back(std::move(*axis));
-                any = true;
-            }
+        int same = 0;
+        while (sigma[same] != sigma[i]) ++same;
+        auto& axes = found[static_cast<std::size_t>(same)];
+        if (axes.empty()) axes = cascades_within(sigma[i], truncation);
+        for (CascadeAxis const& axis : axes) {
+            // Slices that wrap around come from the engine, and should do so once.
+            if (i == 2 && boundary == Boundary::wrap && axis.reach(1) > dims.z) continue;
+            choice.push_back(axis);
+            any = true;
         }
     }
     if (!any) return std::nullopt;
