@@ -1,0 +1,17 @@
+// DICOM: finding the slices in a file, in the files of a folder, or in those that a DICOMDIR names.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/formats/dicom_input.h"
+#include "libvkt/formats/dicom_slice.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt::dicom {
+
+/// Every slice there is, at least one, each image once. A DICOMDIR makes the input a folder. What is left out is added
+/// to `not_read`. Throws Error{data} for files that are damaged or hold what vkt does not read.
+std::vector<Slice> find_slices(Input& input, bool trust_paths, std::vector<std::string>& not_read);
+
+} // namespace vkt::dicom

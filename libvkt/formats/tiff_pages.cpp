@@ -1,0 +1,271 @@
+// The pages of TIFF files.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/tiff_pages.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/raw_source.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdarg>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <string_view>
+#include <utility>
+
+namespace vkt::tiff {
+namespace {
+
+constexpr std::int64_t most_pages = std::int64_t{1} << 20;
+
+void complain(char const* module, char const* format, va_list arguments) {
+    char line[300];
+    std::vsnprintf(line, sizeof line, format, arguments);
+    complaint() = text(module != nullptr ? text(module, ": ") : "", line);
+}
+
+/// libtiff makes single precision of ratios: the decimal that it most likely was.
+double as_written(float ratio) {
+    std::array<char, 40> digits{};
+    auto const end = std::to_chars(digits.data(), digits.data() + digits.size(), ratio).ptr;
+    double value = 0;
+    std::from_chars(digits.data(), end, value);
+    return value;
+}
+
+} // namespace
+
+std::string& complaint() {
+    static std::string words; // the handler has no other place for it
+    return words;
+}
+
+Pages::Pages(std::string const& path) : path_(path) {
+    TIFFSetErrorHandler(complain);
+    TIFFSetWarningHandler(nullptr);
+    tiff_ = TIFFOpen(path.c_str(), "rO"); // tables of strips are read as they are needed
+    if (tiff_ == nullptr) fail(text("libtiff cannot open it: ", complaint()));
+    own_ = tiff_;
+    std::error_code error;
+    std::filesystem::path const place = std::filesystem::read_symlink(path, error); // it is handed over open
+    home_ = error ? path : place.string();
+    bytes_ = static_cast<double>(std::filesystem::file_size(path_, error));
+}
+
+Pages::~Pages() {
+    if (other_ != nullptr) TIFFClose(other_);
+    if (own_ != nullptr) TIFFClose(own_);
+}
+
+void Pages::fail(std::string const& what, std::string const& hint) const {
+    throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
+}
+
+Page Pages::page_here() {
+    Page p;
+    p.offset = TIFFCurrentDirOffset(tiff_);
+    TIFFGetField(tiff_, TIFFTAG_IMAGEWIDTH, &p.width);
+    TIFFGetField(tiff_, TIFFTAG_IMAGELENGTH, &p.height);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_BITSPERSAMPLE, &p.bits);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_SAMPLEFORMAT, &p.format);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_SAMPLESPERPIXEL, &p.samples);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_PLANARCONFIG, &p.planar);
+    TIFFGetField(tiff_, TIFFTAG_PHOTOMETRIC, &p.photometric);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_COMPRESSION, &p.compression);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_ORIENTATION, &p.orientation);
+    p.tiled = TIFFIsTiled(tiff_) != 0;
+    std::uint32_t kind = 0;
+    TIFFGetField(tiff_, TIFFTAG_SUBFILETYPE, &kind);
+    p.reduced = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
+    std::uint16_t levels = 0;
+    std::uint64_t const* offsets = nullptr;
+    if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) != 0) p.levels = levels;
+    std::uint32_t depth = 1;
+    if (TIFFGetField(tiff_, TIFFTAG_IMAGEDEPTH, &depth) != 0 && depth > 1)
+        fail(text("a page holds ", static_cast<std::int64_t>(depth), " slices in one (ImageDepth), which is not read"),
+             "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
+    if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
+    return p;
+}
+
+/// False behind the last page, of which there are `number`. libtiff says the same of one that it cannot read.
+bool Pages::next_page(std::int64_t number) {
+    if (TIFFLastDirectory(tiff_) != 0) return false;
+    complaint().clear();
+    if (TIFFReadDirectory(tiff_) == 0)
+        fail(text("page ", number, " cannot be read", complaint().empty() ? "" : ": ", complaint()));
+    return true;
+}
+
+void Pages::read_pages() {
+    std::int64_t number = 0;
+    do {
+        if (++number > most_pages) fail(text("it has more than ", most_pages, " pages"));
+        every_.push_back(page_here());
+        if (every_.back().width == 0 || every_.back().height == 0) fail(text("page ", number - 1, " has no extent"));
+    } while (next_page(number));
+}
+
+void Pages::take_like(std::size_t first) {
+    pages_.clear();
+    numbers_.clear();
+    for (std::size_t i = 0; i < every_.size(); ++i)
+        if (i >= first && every_[i].alike(every_[first])) {
+            pages_.push_back(every_[i]);
+            numbers_.push_back(i);
+        }
+    here_ = static_cast<std::size_t>(-1);
+}
+
+void Pages::read_words() {
+    go_to(0);
+    char const* words = nullptr;
+    words_.description.clear();
+    if (TIFFGetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, &words) != 0 && words != nullptr) words_.description = words;
+    float x = 0, y = 0;
+    words_.resolution_x = words_.resolution_y = 0;
+    if (TIFFGetField(tiff_, TIFFTAG_XRESOLUTION, &x) != 0 && TIFFGetField(tiff_, TIFFTAG_YRESOLUTION, &y) != 0) {
+        words_.resolution_x = as_written(x);
+        words_.resolution_y = as_written(y);
+    }
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_RESOLUTIONUNIT, &words_.resolution_unit);
+}
+
+/// Reads a sub-image of each page instead, 1 being the first.
+void Pages::take_level(std::int64_t level) {
+    full_ = pages_.front();
+    for (std::size_t i = 0; i < pages_.size(); ++i) {
+        go_to(i);
+        std::uint16_t levels = 0;
+        std::uint64_t const* offsets = nullptr;
+        if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) == 0 || level > levels)
+            throw Error(ErrorKind::usage, text("'", path_, "': page ", static_cast<std::int64_t>(numbers_[i]),
+                                               " has no level ", level, "; its last is level ", std::int64_t{levels}));
+        std::uint64_t const offset = offsets[level - 1];
+        here_ = static_cast<std::size_t>(-1);
+        if (TIFFSetSubDirectory(tiff_, offset) == 0)
+            fail(text("level ", level, " of page ", static_cast<std::int64_t>(numbers_[i]), " cannot be read"));
+        pages_[i] = page_here();
+        if (pages_[i].width == 0 || pages_[i].height == 0 || !pages_[i].alike(pages_.front()))
+            fail(text("level ", level, " is of different sizes in different pages"));
+    }
+}
+
+bool Pages::asked_by_number(std::string const& variable) {
+    auto const number = [&](std::string_view word) -> std::optional<std::int64_t> {
+        if (!variable.starts_with(word)) return std::nullopt;
+        return integer_in(std::string_view(variable).substr(word.size()));
+    };
+    if (auto const page = number("page "); page && *page >= 0) {
+        if (*page >= std::ssize(every_))
+            throw Error(ErrorKind::usage,
+                        text("'", path_, "' has no page ", *page, "; its last is page ", std::ssize(every_) - 1));
+        bool const reduced = every_[static_cast<std::size_t>(*page)].reduced;
+        if (reduced) full_ = pages_.front(); // whose words count
+        take_like(static_cast<std::size_t>(*page));
+        if (!reduced) read_words();
+        return true;
+    }
+    if (auto const level = number("level "); level && *level >= 1) {
+        take_level(*level);
+        return true;
+    }
+    return false;
+}
+
+/// Continues with the file of that number.
+void Pages::open_file(std::size_t number) {
+    if (number == file_) return;
+    if (other_ != nullptr) TIFFClose(std::exchange(other_, nullptr));
+    here_ = static_cast<std::size_t>(-1);
+    tiff_ = own_;
+    file_ = 0;
+    if (number == 0) return;
+    std::string const& name = files_[number - 1];
+    complaint().clear();
+    other_ = TIFFOpen(name.c_str(), "rO");
+    if (other_ == nullptr)
+        fail(text("the file '", name, "' that its description names cannot be opened: ", complaint()),
+             "put all files of the image into one folder");
+    tiff_ = other_;
+    file_ = number;
+}
+
+void Pages::take_files(TiffDescription& about, bool trust_paths) {
+    std::vector<std::vector<Page>> all{every_};
+    for (std::string const& name : about.files) {
+        files_.push_back(beside(home_, name, trust_paths));
+        std::error_code error;
+        std::filesystem::path const place = files_.back();
+        if (!std::filesystem::is_regular_file(place, error))
+            fail(text("the file '", name, "' that its description names is not there"),
+                 "put all files of the image into one folder");
+        bytes_ += static_cast<double>(std::filesystem::file_size(place, error));
+        open_file(files_.size());
+        every_.clear();
+        read_pages();
+        for (Page& page : every_) page.file = files_.size();
+        all.push_back(std::move(every_));
+    }
+    every_ = all.front();
+    open_file(0);
+    std::vector<Page> pages;
+    std::map<std::pair<std::size_t, std::int64_t>, std::int64_t> seen;
+    numbers_.clear();
+    for (std::size_t i = 0; i < about.pages.size(); ++i) {
+        std::size_t const file = about.file_of[i];
+        std::int64_t& page = about.pages[i];
+        if (page >= std::ssize(all[file]))
+            fail(text("its description names page ", page, " of '", file == 0 ? path_ : about.files[file - 1],
+                      "', which has ", std::ssize(all[file])));
+        Page const& found = all[file][static_cast<std::size_t>(page)];
+        if (!pages.empty() && !found.alike(pages.front()))
+            fail("its OME description places planes of one image on pages of different sizes");
+        auto const [entry, added] = seen.try_emplace({file, page}, std::ssize(pages));
+        if (added) pages.push_back(found);
+        if (added && file == 0) numbers_.push_back(static_cast<std::size_t>(page));
+        page = entry->second;
+    }
+    std::sort(numbers_.begin(), numbers_.end());
+    pages_ = std::move(pages);
+    here_ = static_cast<std::size_t>(-1);
+}
+
+void Pages::say_not_read(std::vector<std::string>& not_read) {
+    auto const size = [](Page const& page) {
+        return text(" of ", static_cast<std::int64_t>(page.width), " by ", static_cast<std::int64_t>(page.height),
+                    " pixels");
+    };
+    std::int64_t others = 0;
+    for (std::size_t i = 0; i < every_.size(); ++i)
+        if (!std::binary_search(numbers_.begin(), numbers_.end(), i) && ++others <= 8)
+            not_read.push_back(text("page ", static_cast<std::int64_t>(i),
+                                    every_[i].reduced ? " (reduced or a mask)" : "", size(every_[i])));
+    if (others > 8) not_read.push_back(text(others - 8, " more pages of other sizes"));
+    for (std::int64_t level = 1; level <= pages_.front().levels && level <= 32; ++level) {
+        go_to(0);
+        std::uint16_t levels = 0;
+        std::uint64_t const* offsets = nullptr;
+        if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) == 0 || level > levels) break;
+        std::uint64_t const offset = offsets[level - 1];
+        here_ = static_cast<std::size_t>(-1);
+        if (TIFFSetSubDirectory(tiff_, offset) != 0) not_read.push_back(text("level ", level, size(page_here())));
+    }
+}
+
+void Pages::go_to(std::size_t page) {
+    open_file(pages_[page].file);
+    if (here_ == page) return;
+    complaint().clear();
+    if (TIFFSetSubDirectory(tiff_, pages_[page].offset) == 0)
+        fail(text("page ", static_cast<std::int64_t>(page), " cannot be read: ", complaint()));
+    if (pages_[page].photometric == PHOTOMETRIC_YCBCR && pages_[page].compression == COMPRESSION_JPEG)
+        TIFFSetField(tiff_, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
+    here_ = page;
+}
+
+} // namespace vkt::tiff
