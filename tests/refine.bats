@@ -251,6 +251,23 @@ EOF
     done
 }
 
+@test "what is found in a tree does not depend on its bricks" {
+    vkt make noise --dims 48 40 33 --dtype uint8 --high 3 | vkt filter median --radius 1 -o few.nrrd
+    for size in 2 4 8 mixed; do
+        vkt refine few.nrrd --tolerance 0 --method nearest --block-size $size -q -o $size.vkt
+        vkt stats $size.vkt --json | grep -E '"(count|min|max|argmin|argmax|sum)"' >$size
+        cmp 2 $size
+    done
+    vkt stats few.nrrd --json | grep -E '"(count|min|max|argmin|argmax|sum)"' | cmp - 2
+}
+
+@test "a background that the type does not hold is refused before blocks are left out for it" {
+    vkt make constant --dims 8 8 8 --dtype uint8 --value 9 | vkt set --slope 0.5 --intercept 3 -o v.nrrd
+    fails_with 2 'the background 0 cannot be stored in uint8' vkt refine v.nrrd --background 0 --tolerance 1 -o x.vkt
+    vkt refine v.nrrd --background 7.5 --tolerance 1 -o x.vkt
+    vkt resample x.vkt --scale 1 | vkt diff v.nrrd - --tolerance 1
+}
+
 @test "--explain says what its error is one of" {
     vkt make ramp --dims 20 20 20 --dtype float32 -o ramp.nrrd
     vkt refine ramp.nrrd --tolerance 0.5 -n -o x.vkt 2>plan

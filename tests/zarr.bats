@@ -130,6 +130,7 @@ check(data.astype(">i2"), filters=[N.Delta(">i2")], compressors=N.Blosc("zstd"))
 for astype in "<i2", ">i4", "u1":
     check(data, filters=[N.FixedScaleOffset(-500, 10, "<f8", astype)] if astype != "u1" else [N.FixedScaleOffset(-500, 0.2, "<f8", astype)], compressors=N.Zlib(1))
 check(data, filters=[N.FixedScaleOffset(-500, 10, "<f8", "<i2"), N.Delta("<i2")], compressors=None)
+check(np.arange(9 * 13 * 11, dtype="u1").reshape(9, 13, 11), filters=[N.FixedScaleOffset(3, 1, "u1", "u1")], compressors=None) # around, there and back
 check(data, filters=[N.Quantize(2, "<f8", "<f4")], compressors=N.Zlib(1))
 check(data.astype("f4"), filters=[N.BitRound(7)], compressors=N.Zstd(1))
 check(data.astype("f4"), filters=[N.AsType("<f8", "<f4")], compressors=N.Zlib(1))

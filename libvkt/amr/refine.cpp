@@ -245,7 +245,7 @@ private:
     void drop_background() {
         if (!options_.background) return;
         T const background = store_cell<T>(*options_.background);
-        for (Brick const& brick : bricks()) {
+        for_each_leaf([&](Brick const& brick) {
             Box const box = bounds_of(brick, n_);
             bool all = true;
             for (std::int64_t z = box.lower.z; all && z < box.upper.z; ++z)
@@ -253,7 +253,7 @@ private:
                     for (std::int64_t x = box.lower.x; all && x < box.upper.x; ++x)
                         all = same_within(background, cell_of(x, y, z));
             if (all) mark(brick, dropped);
-        }
+        });
     }
 
     void mark(Brick const& brick, signed char level) {
@@ -261,8 +261,8 @@ private:
         set_leaves(first, cell_width(n_, brick.level), level);
     }
 
-    std::vector<Brick> bricks() {
-        std::vector<Brick> list;
+    /// Every leaf that is not background, in x-fastest order.
+    template <class F> void for_each_leaf(F const& f) {
         Index3 b;
         for (b.z = 0; b.z < blocks_.z; ++b.z)
             for (b.y = 0; b.y < blocks_.y; ++b.y)
@@ -274,8 +274,13 @@ private:
                     Brick brick{{b.x * block_.x, b.y * block_.y, b.z * block_.z}, block_, level};
                     for (int a = 0; a < 3 && level == 0; ++a)
                         brick.dims[a] = std::min(block_[a], n_[a] - brick.lower[a]);
-                    list.push_back(brick);
+                    f(brick);
                 }
+    }
+
+    std::vector<Brick> bricks() {
+        std::vector<Brick> list;
+        for_each_leaf([&](Brick const& brick) { list.push_back(brick); });
         return list;
     }
 
@@ -324,7 +329,7 @@ private:
     std::vector<Brick> merged() {
         std::vector<Scale> const all = scales();
         std::vector<Brick> list;
-        for (Brick brick : bricks()) {
+        for_each_leaf([&](Brick brick) {
             bool first = true; // of those that it becomes one with
             for (int times = 2, scale = brick.level + 1; times * options_.block <= options_.largest;
                  times *= 2, ++scale) {
@@ -344,7 +349,7 @@ private:
                 }
             }
             if (first) list.push_back(brick);
-        }
+        });
         return list;
     }
 

@@ -23,6 +23,8 @@ template <class To, class From> To converted(From value) {
     } else if constexpr (std::is_integral_v<To> && std::is_floating_point_v<From>) {
         constexpr auto low = std::numeric_limits<To>::lowest(), high = std::numeric_limits<To>::max();
         if (std::isnan(value)) return 0;
+        // Around, as NumPy's conversions go: what was encoded with a wrap comes back.
+        if (std::abs(value) < static_cast<From>(0x1p63)) return static_cast<To>(static_cast<std::int64_t>(value));
         if (value <= static_cast<From>(low)) return low;
         return value >= static_cast<From>(high) ? high : static_cast<To>(value);
     } else {

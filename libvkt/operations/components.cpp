@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 
 #include <algorithm>
 #include <bit>
@@ -286,6 +287,16 @@ void Components::join_across(std::int64_t row, std::int64_t beyond) {
 }
 
 void Components::add(ConstView rows, Execution const& execution) {
+    // Where every voxel is a component of its own, tables take many times what the voxels do: pieces are so small that
+    // what they add to is looked at before the budget is passed by much.
+    Index3 const n = rows.dims();
+    auto const most =
+        static_cast<std::int64_t>(execution.memory / 16 / (sizeof(Component) + 2 * sizeof(std::uint32_t)));
+    std::int64_t const slices = std::max<std::int64_t>(1, most / (n.x * n.y));
+    for_each_piece(rows.box, {slices, n.y}, [&](Box const& piece) { add_piece(rows.part(piece), execution); });
+}
+
+void Components::add_piece(ConstView rows, Execution const& execution) {
     Index3 const n = rows.dims();
     std::int64_t const count = n.y * n.z, first = rows.box.lower.y + rows.box.lower.z * dims_.y;
     int const threads = VKT_BACKEND::threads_for(execution, rows.box.voxels());
@@ -306,8 +317,9 @@ void Components::add(ConstView rows, Execution const& execution) {
         std::size_t const bytes = (run_names_.size() + runs.component.size()) * sizeof(std::uint32_t) +
                                   all * (sizeof(Component) + sizeof(std::uint32_t)) + kept_.bytes() + runs.bytes();
         if (bytes > execution.memory)
-            too_many(text("tables of ", run_names_.size(), " runs of voxels and ", all, " components take more than ",
-                          bytes_text(static_cast<double>(execution.memory)), ", the budget"));
+            too_many(text("tables of ", run_names_.size() + runs.component.size(), " runs of voxels and ", all,
+                          " components take more than ", bytes_text(static_cast<double>(execution.memory)),
+                          ", the budget"));
         if (all > std::numeric_limits<std::uint32_t>::max()) too_many("there are 2^32 components or more");
         std::size_t const runs_before = run_names_.size();
         for (std::int64_t r = 0; r < runs.rows(); ++r) {

@@ -50,6 +50,7 @@ public:
     template <class Visit> void for_each_row(ConstView rows, Execution const& execution, Visit const& visit) const;
 
 private:
+    void add_piece(ConstView rows, Execution const& execution);
     /// Runs of neighbouring rows, and how they are joined.
     struct Runs {
         LargeVector<std::int32_t> edges;      ///< first and beyond the last voxel, of all runs

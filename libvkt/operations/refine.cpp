@@ -22,6 +22,14 @@ namespace {
 
 constexpr std::int64_t mixed_cells = 2, largest_mixed = 16;
 
+/// Throws Error{usage} where blocks that are left out could not be read as what they stand for.
+void require_background(double physical, Header const& in) {
+    double const stored = in.values.stored(physical);
+    if (is_integer(in.dtype) && !(stored >= lowest_of(in.dtype) && stored <= highest_of(in.dtype)))
+        throw Error(ErrorKind::usage, text("the background ", physical, " cannot be stored in ", in.dtype),
+                    "choose another --background");
+}
+
 std::size_t bytes_of(Volume const& tree) { return tree.header().bytes() + tree.bricks().bytes(); }
 
 render::TransferFunction transfer_of(std::string const& words) {
@@ -190,6 +198,7 @@ Plan Refine::plan(std::span<Header const> inputs) const {
     if (in.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "the volume is hierarchical already", "make it a grid first: vkt resample");
     if (metric == RefineMetric::transfer) static_cast<void>(function()); // or it is refused
+    if (background && !dtype) require_background(*background, in);
     Plan plan;
     plan.output = in;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
@@ -293,7 +302,10 @@ std::optional<Volume> Refine::take_whole(Volume input, Execution const& executio
         options.tolerance /= std::abs(values.slope);
     }
     if (metric == RefineMetric::gradient) options.gradient_spacing = input.header().geometry.spacing;
-    if (background) options.background = values.stored(*background);
+    if (background) {
+        require_background(*background, stored.header());
+        options.background = values.stored(*background);
+    }
     Volume output = best(stored, options, execution);
     error_ = used_;
     if (tolerance.noise || dtype || block.best || block.mixed) {

@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace vkt {
 
@@ -365,14 +366,19 @@ void Statistics::merge_extremes(ConstView slab, Range const& range) {
             return;
         }
     };
-    if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
-        min_ = {true, range.low, range.integer_low, {}};
-        locate(min_);
-    }
-    if (!max_.valid || (integer ? range.integer_high > max_.integer : range.high > max_.value)) {
-        max_ = {true, range.high, range.integer_high, {}};
-        locate(max_);
-    }
+    // Bricks come in an order of their own: of equal values the first in x-fastest order counts, wherever it comes.
+    auto const keep = [&](Extreme& extreme, Extreme next, int sign) {
+        auto const beyond = [&](Extreme const& a, Extreme const& b) {
+            return integer ? sign * a.integer > sign * b.integer : sign * a.value > sign * b.value;
+        };
+        if (extreme.valid && beyond(extreme, next)) return;
+        locate(next);
+        Index3 const &a = next.where, &b = extreme.where;
+        bool const before = std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x);
+        if (!extreme.valid || beyond(next, extreme) || before) extreme = next;
+    };
+    keep(min_, {true, range.low, range.integer_low, {}}, -1);
+    keep(max_, {true, range.high, range.integer_high, {}}, 1);
 }
 
 void Statistics::merge_extremes(ConstView slab) {
