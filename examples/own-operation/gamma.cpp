@@ -15,7 +15,7 @@ struct Curve { // what happens to a voxel; a driver runs it over rows, on all th
 
 class Gamma : public vkt::Operation {
 public:
-    double exponent = 1, top = 1;
+    double exponent = 1;
     std::string_view name() const override { return "gamma"; }
     vkt::Shape shape() const override { return vkt::Shape::pointwise; }
     vkt::Plan plan(std::span<vkt::Header const> inputs) const override {
@@ -23,12 +23,9 @@ public:
         plan.output = inputs.front(); // same grid, type and place; the engine adds the history
         return plan;
     }
-    void begin(std::span<vkt::Header const> inputs, vkt::Plan const&) override {
-        vkt::DataType const type = inputs.front().dtype;
-        top = vkt::is_integer(type) ? vkt::highest_of(type) : 1;
-        losses = {};
-    }
+    void begin(std::span<vkt::Header const>, vkt::Plan const&) override { losses = {}; }
     void run(std::span<vkt::ConstView const> inputs, vkt::AnyView out, vkt::Execution const& execution) override {
+        double const top = vkt::is_integer(out.type) ? vkt::highest_of(out.type) : 1;
         vkt::baseline::map<double>(execution, out, losses, Curve{top, exponent}, inputs.front());
     }
     vkt::Losses losses; // what was clipped

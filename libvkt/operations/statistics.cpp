@@ -325,7 +325,15 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
                 slices_[static_cast<std::size_t>(z)].append(bands_[static_cast<std::size_t>(z * bands + b)], b,
                                                             part.type);
     }
-    merge_extremes(part);
+    if (grid)
+        merge_extremes(part);
+    else
+        for (std::size_t z = 0; z < slices_.size(); ++z) {
+            Box slice = box;
+            slice.lower.z += static_cast<std::int64_t>(z);
+            slice.upper.z = slice.lower.z + 1;
+            merge_extremes(part.part(slice), slices_[z].range);
+        }
     if (grid && box.upper.y < region_.upper.y)
         slice_ = slices_.front();
     else
