@@ -4,6 +4,9 @@
 
 #include "libvkt/amr/refine.h"
 
+#include <array>
+#include <map>
+
 using namespace amr_test;
 
 namespace {
@@ -43,6 +46,49 @@ double worst_error(Volume const& volume, Volume const& tree, Reconstruction meth
         worst = std::max(worst, std::abs(a - b));
     }
     return worst;
+}
+
+/// Value of each cell by level and first finest cell.
+std::map<std::array<std::int64_t, 4>, float> cells_by_place(Volume const& tree) {
+    std::map<std::array<std::int64_t, 4>, float> cells;
+    float const* cell = cells_of<float>(tree);
+    for (Brick const& brick : tree.bricks()) {
+        Index3 const w = cell_width(tree.header().dims, brick.level);
+        for (std::int64_t z = 0; z < brick.dims.z; ++z)
+            for (std::int64_t y = 0; y < brick.dims.y; ++y)
+                for (std::int64_t x = 0; x < brick.dims.x; ++x)
+                    cells[{brick.level, brick.lower.x + x * w.x, brick.lower.y + y * w.y, brick.lower.z + z * w.z}] =
+                        *cell++;
+    }
+    return cells;
+}
+
+TEST(AmrRefine, MixedBricksHoldTheSameCells) {
+    for (Index3 const dims : {Index3{67, 38, 29}, Index3{32, 32, 32}, Index3{67, 41, 1}, Index3{1, 100, 1},
+                              Index3{5, 3, 2}, Index3{1, 1, 1}})
+        for (double const tolerance : {0.0, 2.0, 1000.0})
+            for (bool const sparse : {false, true}) {
+                Volume const volume = grid_of(dims, DataType::float32, blob);
+                RefineOptions options;
+                options.tolerance = tolerance;
+                options.block = 2;
+                if (sparse) options.background = 0;
+                Volume const apart = refine(volume, options, execution());
+                options.largest = 16;
+                Volume const mixed = refine(volume, options, execution());
+                validate_tree(dims, mixed.bricks(), sparse ? Coverage::may_have_holes : Coverage::complete);
+                EXPECT_EQ(cells_by_place(mixed), cells_by_place(apart));
+                EXPECT_LE(mixed.bricks().size(), apart.bricks().size());
+                std::int64_t largest = 0;
+                for (Brick const& brick : mixed.bricks())
+                    largest = std::max({largest, brick.dims.x, brick.dims.y, brick.dims.z});
+                EXPECT_LE(largest, 16);
+                // All of one level: as large as bricks may be.
+                if (dims == Index3{32, 32, 32} && tolerance == 0 && !sparse) {
+                    EXPECT_EQ(largest, 16);
+                }
+                EXPECT_FALSE(mixed.bricks().words().empty());
+            }
 }
 
 TEST(AmrRefine, KeepsItsPromiseWithFewerCells) {
