@@ -29,10 +29,10 @@ struct ValueScale {
 struct RefineOptions {
     double tolerance = 0;   ///< largest |reconstruction - voxel| at voxel centres, in stored values
     std::int64_t block = 8; ///< cells of a brick along each axis, 1 … 64
-    /// Eight bricks of one level that fill a brick of twice as many cells along each axis become that, as long as it has
-    /// no more than this: bricks of mixed sizes, and the same cells.
+    /// Eight bricks of one level that fill a brick of twice as many cells along each axis become that, as long as it
+    /// has no more than this: bricks of mixed sizes, and the same cells.
     std::int64_t largest = 0;
-    int levels = 8;         ///< most levels, 1 … 16
+    int levels = 8;                                ///< most levels, 1 … 16
     Reconstruction method = Reconstruction::basis; ///< the promise holds for basis or for nearest
     /// If set, differences are those of this function of the values, and the tolerance is one of it.
     std::optional<ValueScale> scale;
