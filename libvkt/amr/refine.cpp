@@ -85,8 +85,11 @@ private:
             return within(static_cast<double>(a), static_cast<double>(b));
     }
 
-    signed char& leaf(Index3 b) {
-        return leaf_level_[static_cast<std::size_t>((b.z * blocks_.y + b.y) * blocks_.x + b.x)];
+    signed char& leaf(Index3 b) { return leaf_level_[index_of(b)]; }
+    std::size_t index_of(Index3 b) const { return static_cast<std::size_t>((b.z * blocks_.y + b.y) * blocks_.x + b.x); }
+    /// The first of the finest blocks that a brick spans.
+    Index3 first_block(Brick const& brick) const {
+        return {brick.lower.x / block_.x, brick.lower.y / block_.y, brick.lower.z / block_.z};
     }
 
     void build_means() {
@@ -257,8 +260,7 @@ private:
     }
 
     void mark(Brick const& brick, signed char level) {
-        Index3 const first{brick.lower.x / block_.x, brick.lower.y / block_.y, brick.lower.z / block_.z};
-        set_leaves(first, cell_width(n_, brick.level), level);
+        set_leaves(first_block(brick), cell_width(n_, brick.level), level);
     }
 
     /// Every leaf that is not background, in x-fastest order.
@@ -303,7 +305,7 @@ private:
             Scale next;
             for (int a = 0; a < 3; ++a) {
                 size[a] *= step[a];
-                next.dims[a] = std::max<std::int64_t>(n_[a] / size[a], 0);
+                next.dims[a] = n_[a] / size[a];
             }
             if (next.dims.x * next.dims.y * next.dims.z == 0) break;
             Index3 b;
@@ -414,11 +416,11 @@ private:
                         index.query(from, to, near);
                         for (std::int32_t const id : near) {
                             Brick const& brick = tree.bricks()[static_cast<std::size_t>(id)];
-                            if (brick.level == 0) continue;
+                            if (brick.level == 0 || !domain_meets(brick, n_, from, to)) continue;
                             for_each_block(brick, [&](Brick const& block) {
-                                std::uint8_t& mark = failed[leaf_index(block)];
-                                if (mark != 0 || !domain_meets(block, n_, from, to)) return;
-                                mark = 1;
+                                std::uint8_t& has_failed = failed[index_of(first_block(block))];
+                                if (has_failed != 0 || !domain_meets(block, n_, from, to)) return;
+                                has_failed = 1;
                                 any = true;
                             });
                         }
@@ -426,7 +428,7 @@ private:
         }
         for (Brick const& brick : tree.bricks())
             for_each_block(brick, [&](Brick const& block) {
-                if (failed[leaf_index(block)] != 0) mark(block, static_cast<signed char>(block.level - 1));
+                if (failed[index_of(first_block(block))] != 0) mark(block, static_cast<signed char>(block.level - 1));
             });
         return any;
     }
@@ -435,20 +437,16 @@ private:
     template <class F> void for_each_block(Brick const& brick, F const& f) const {
         Index3 const width = cell_width(n_, brick.level);
         Brick block = brick;
-        for (std::int64_t z = 0; z < brick.dims.z; z += block_.z)
-            for (std::int64_t y = 0; y < brick.dims.y; y += block_.y)
-                for (std::int64_t x = 0; x < brick.dims.x; x += block_.x) {
-                    block.lower = {brick.lower.x + x * width.x, brick.lower.y + y * width.y,
-                                   brick.lower.z + z * width.z};
-                    for (int a = 0; a < 3; ++a)
-                        block.dims[a] = std::min(block_[a], brick.dims[a] - (a == 0 ? x : a == 1 ? y : z));
+        Index3 at;
+        for (at.z = 0; at.z < brick.dims.z; at.z += block_.z)
+            for (at.y = 0; at.y < brick.dims.y; at.y += block_.y)
+                for (at.x = 0; at.x < brick.dims.x; at.x += block_.x) {
+                    for (int a = 0; a < 3; ++a) {
+                        block.lower[a] = brick.lower[a] + at[a] * width[a];
+                        block.dims[a] = std::min(block_[a], brick.dims[a] - at[a]);
+                    }
                     f(block);
                 }
-    }
-
-    std::size_t leaf_index(Brick const& block) const {
-        Index3 const& at = block.lower;
-        return static_cast<std::size_t>((at.z / block_.z * blocks_.y + at.y / block_.y) * blocks_.x + at.x / block_.x);
     }
 
     Volume const& volume_;

@@ -20,8 +20,6 @@
 namespace vkt {
 namespace {
 
-constexpr std::int64_t mixed_cells = 2, largest_mixed = 16;
-
 /// Throws Error{usage} where blocks that are left out could not be read as what they stand for.
 void require_background(double physical, Header const& in) {
     double const stored = in.values.stored(physical);
@@ -230,7 +228,7 @@ Plan Refine::plan(std::span<Header const> inputs) const {
 std::size_t Refine::bytes_to_refine(Header const& in) const {
     auto const voxels = static_cast<double>(in.voxels());
     // Of mixed blocks few stay as small as they can be.
-    double const cells = block.best ? 4 : block.mixed ? 4 : static_cast<double>(block.cells);
+    double const cells = block.best || block.mixed ? 4 : static_cast<double>(block.cells);
     Index3 const n = in.dims;
     double const flat = static_cast<double>((n.x == 1 ? 1 : 0) + (n.y == 1 ? 1 : 0) + (n.z == 1 ? 1 : 0));
     double const bricks = voxels / std::pow(cells, 3 - flat);
@@ -257,12 +255,15 @@ render::TransferFunction const& Refine::function() const {
 /// Of the block sizes that are asked for the one that takes the fewest bytes.
 Volume Refine::best(Volume const& volume, RefineOptions options, Execution const& execution) const {
     std::optional<Volume> smallest;
-    std::vector<std::int64_t> sizes{block.mixed ? mixed_cells : block.cells};
-    if (block.best) sizes = {4, 8, 16, mixed_cells};
-    for (std::int64_t const cells : sizes) {
-        bool const mixed = block.mixed || (block.best && cells == mixed_cells);
-        options.block = cells;
-        options.largest = mixed ? largest_mixed : 0;
+    struct Sizes {
+        std::int64_t block, largest;
+    };
+    constexpr Sizes mixed{2, 16};
+    std::vector<Sizes> sizes{block.mixed ? mixed : Sizes{block.cells, 0}};
+    if (block.best) sizes = {{4, 0}, {8, 0}, {16, 0}, mixed};
+    for (Sizes const& size : sizes) {
+        options.block = size.block;
+        options.largest = size.largest;
         Volume tree = refine(volume, options, execution);
         if (!smallest || bytes_of(tree) < bytes_of(*smallest)) smallest = std::move(tree);
     }
