@@ -26,8 +26,10 @@ install(FILES ${PROJECT_BINARY_DIR}/vktConfig.cmake ${PROJECT_BINARY_DIR}/vktCon
   libvkt/cmake/imports.cmake DESTINATION ${destination} COMPONENT development)
 
 # Headers keep their paths: #include "libvkt/core/volume.h". Those of the C API are <vkt/vkt.h> and <vkt/volkit.h>, too.
+# Those of modules are left out: they stand on libraries that a program on libvkt does not need.
 install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development FILES_MATCHING PATTERN "*.h"
-  PATTERN c EXCLUDE PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN python EXCLUDE)
+  PATTERN c EXCLUDE PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN python EXCLUDE
+  PATTERN formats/gdcm EXCLUDE PATTERN formats/hdf5 EXCLUDE PATTERN formats/openvdb EXCLUDE PATTERN formats/tiff EXCLUDE)
 foreach(folder libvkt/c vkt)
   install(FILES libvkt/c/vkt.h libvkt/c/volkit.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${folder} COMPONENT development)
 endforeach()

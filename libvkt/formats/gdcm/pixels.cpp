@@ -1,8 +1,8 @@
 // Decoding the pixels of DICOM: what GDCM decodes, and what is read as it lies there or in runs of bytes.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/dicom_pixels.h"
+#include "libvkt/formats/gdcm/pixels.h"
 
-#include "libvkt/formats/dicom_elements.h"
+#include "libvkt/formats/gdcm/elements.h"
 #include "libvkt/formats/raw_source.h"
 
 #include <gdcmImageReader.h>

@@ -1,6 +1,6 @@
 // The pages of TIFF files.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/tiff_pages.h"
+#include "libvkt/formats/tiff/pages.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

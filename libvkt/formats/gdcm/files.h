@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/formats/dicom_input.h"
-#include "libvkt/formats/dicom_slice.h"
+#include "libvkt/formats/gdcm/input.h"
+#include "libvkt/formats/gdcm/slice.h"
 
 #include <string>
 #include <vector>

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/formats/tiff_description.h"
+#include "libvkt/formats/tiff/description.h"
 
 #include <tiffio.h>
 

@@ -1,6 +1,6 @@
 // Making volumes of TIFF's pages.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/tiff_layout.h"
+#include "libvkt/formats/tiff/layout.h"
 
 #include "libvkt/core/text.h"
 

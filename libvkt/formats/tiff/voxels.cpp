@@ -1,6 +1,6 @@
 // Reading TIFF's strips and tiles of integers and floats of any width that a volume can hold.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/tiff_voxels.h"
+#include "libvkt/formats/tiff/voxels.h"
 
 #include "libvkt/core/text.h"
 

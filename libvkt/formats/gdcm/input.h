@@ -4,7 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/dicom_slice.h"
+#include "libvkt/formats/gdcm/slice.h"
 
 #include <string>
 

@@ -1,6 +1,6 @@
 // The formats are those of the registered filters, https://github.com/HDFGroup/hdf5_plugins.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/hdf5_filters.h"
+#include "libvkt/formats/hdf5/filters.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/blosc_module.h"

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/formats/tiff_layout.h"
-#include "libvkt/formats/tiff_pages.h"
+#include "libvkt/formats/tiff/layout.h"
+#include "libvkt/formats/tiff/pages.h"
 
 #include <cstddef>
 #include <cstdint>

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "libvkt/formats/parsed_grids.h"
-#include "libvkt/formats/tiff_description.h"
-#include "libvkt/formats/tiff_pages.h"
+#include "libvkt/formats/tiff/description.h"
+#include "libvkt/formats/tiff/pages.h"
 
 #include <cstddef>
 #include <cstdint>

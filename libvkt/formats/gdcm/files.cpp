@@ -1,11 +1,11 @@
 // Finding DICOM's slices.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/dicom_files.h"
+#include "libvkt/formats/gdcm/files.h"
 
 #include "libvkt/core/products.h"
 #include "libvkt/formats/dicom.h"
-#include "libvkt/formats/dicom_elements.h"
-#include "libvkt/formats/dicom_pixels.h"
+#include "libvkt/formats/gdcm/elements.h"
+#include "libvkt/formats/gdcm/pixels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
 

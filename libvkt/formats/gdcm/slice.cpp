@@ -1,10 +1,10 @@
 // What DICOM's elements say of a slice: its plane, and to which volume it belongs.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/dicom_slice.h"
+#include "libvkt/formats/gdcm/slice.h"
 
 #include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/dicom_elements.h"
+#include "libvkt/formats/gdcm/elements.h"
 #include "libvkt/formats/header_text.h"
 
 #include <cmath>

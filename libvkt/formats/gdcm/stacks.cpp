@@ -1,6 +1,6 @@
 // Making volumes of DICOM's slices.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/dicom_stacks.h"
+#include "libvkt/formats/gdcm/stacks.h"
 
 #include "libvkt/core/frame.h"
 #include "libvkt/core/products.h"

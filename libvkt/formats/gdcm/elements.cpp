@@ -1,6 +1,6 @@
 // Elements of DICOM's data sets.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/dicom_elements.h"
+#include "libvkt/formats/gdcm/elements.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"

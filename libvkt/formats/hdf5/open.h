@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/formats/hdf5_handle.h"
+#include "libvkt/formats/hdf5/handle.h"
 
 #include <string>
 

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/tiff_description.h"
-#include "libvkt/formats/tiff_layout.h"
+#include "libvkt/formats/tiff/description.h"
+#include "libvkt/formats/tiff/layout.h"
+#include "libvkt/formats/tiff/pages.h"
+#include "libvkt/formats/tiff/voxels.h"
 #include "libvkt/formats/tiff_module.h"
-#include "libvkt/formats/tiff_pages.h"
-#include "libvkt/formats/tiff_voxels.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/format.h"
-#include "libvkt/formats/hdf5_open.h"
+#include "libvkt/formats/hdf5/open.h"
 
 #include <hdf5.h>
 

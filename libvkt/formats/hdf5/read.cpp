@@ -3,9 +3,9 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/coordinates.h"
-#include "libvkt/formats/hdf5_filters.h"
+#include "libvkt/formats/hdf5/filters.h"
+#include "libvkt/formats/hdf5/open.h"
 #include "libvkt/formats/hdf5_module.h"
-#include "libvkt/formats/hdf5_open.h"
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
 

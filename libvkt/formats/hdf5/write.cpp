@@ -3,7 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/encode.h"
-#include "libvkt/formats/hdf5_handle.h"
+#include "libvkt/formats/hdf5/handle.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/layers.h"

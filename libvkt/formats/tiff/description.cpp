@@ -1,6 +1,6 @@
 // Descriptions of TIFF stacks.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/tiff_description.h"
+#include "libvkt/formats/tiff/description.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
