@@ -79,7 +79,7 @@ check() {
     sed -n '2,$p' "$scratch/tally"
     if [ "$status" -ne 0 ]; then
         sed -n "/^The following tests FAILED/q;p" "$log" | grep -v ' Passed \|^ *Start ' || true
-        sed -n "s/^not ok [0-9]* /$name: /p; /\*\*\*Skipped/d; s/^.*Test *#[0-9]*: \([^ ]*\) .*\*\*\*.*/$name: \1/p" "$log" >>"$scratch/failures"
+        sed -n "s/^not ok [0-9]* /$name: /p; /\*\*\*Skipped/d; s/^\[  FAILED  \] \(.*\) ([0-9]* ms)\$/$name: \1/p; s/^.*Test *#[0-9]*: \([^ ]*\) .*\*\*\*.*/$name: \1/p" "$log" >>"$scratch/failures"
         [ "$f" -gt 0 ] || fail "$name: ctest exit $status"
     fi
     echo "$name: $p passed, $f failed, $s skipped"
@@ -150,9 +150,9 @@ fi
 if has asan || has tsan; then export OMP_WAIT_POLICY=passive; fi
 
 # Minutes of arithmetic under a sanitizer, which touch no more memory and share no more than shorter tests do.
-arithmetic='Gaussian.ReproducesConstantsBitForBit|Geometric.IndicesBeyond32Bits|RenderMarch.EarlyEnds|Quantiles.MoreVoxelsThanAreKept'
+arithmetic=Gaussian.ReproducesConstantsBitForBit:Geometric.IndicesBeyond32Bits:RenderMarch.EarlyEnds:Quantiles.MoreVoxelsThanAreKept
 # What one thread does alone: files, headers, child processes.
-alone='AmrFlashFile|AmrAmrex|AmrOracle|^Parser|StreamHeader|Nrrd|MetaImage|^Raw|WeightTable|RenderTransfer|TransferEdit|Expression'
+alone='*AmrFlashFile*:*AmrAmrex*:*AmrOracle*:Parser*:*StreamHeader*:*Nrrd*:*MetaImage*:Raw*:*WeightTable*:*RenderTransfer*:*TransferEdit*:*Expression*'
 
 if has asan && build asan; then
     export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
@@ -160,9 +160,10 @@ if has asan && build asan; then
     if [ -n "${VKT_LONG:-}" ]; then
         check build-asan asan -LE packaging
     else
-        check build-asan asan -L 'unit|asan' -E "$arithmetic"
+        export GTEST_FILTER="-$arithmetic"
+        check build-asan asan -L 'unit|asan'
     fi
-    unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
+    unset GTEST_FILTER ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
 
 # fuzz TARGET: one target for a while, from what was found before and the inputs that come with the project; its result is
@@ -219,7 +220,9 @@ in_time() {
 if has tsan && in_time tsan && build tsan; then
     # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
     export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
-    check build-tsan tsan -L 'unit|tsan' -E "$arithmetic|$alone"
+    export GTEST_FILTER="-$arithmetic:$alone"
+    check build-tsan tsan -L 'unit|tsan'
+    unset GTEST_FILTER
     if [ -n "${VKT_LONG:-}" ]; then
         check build-tsan 'tsan bats' -R '^bats/(arith|convert|filter-gaussian|resample)[.]bats$'
     fi
