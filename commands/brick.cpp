@@ -1,7 +1,7 @@
 // vkt brick: a volume as bricks, in a directory, in numbered files or as a stream.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/series.h"
-#include "libvkt/operations/merge_bricks.h"
+#include "libvkt/operations/bricks/merge_bricks.h"
 #include "shell/command.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// vkt diff: see libvkt/operations/diff.h.
+// vkt diff: see libvkt/operations/statistics/diff.h.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -1,6 +1,6 @@
-// vkt histogram: see libvkt/operations/histogram.h; what is drawn of it: bars on a terminal, pictures.
+// vkt histogram: see libvkt/operations/statistics/histogram.h; what is drawn of it: bars on a terminal, pictures.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/histogram.h"
+#include "libvkt/operations/statistics/histogram.h"
 
 #include "libvkt/formats/picture_texts.h"
 #include "libvkt/formats/series.h"

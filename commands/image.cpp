@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/report.h"
 #include "libvkt/formats/series.h"
-#include "libvkt/operations/compare_pictures.h"
+#include "libvkt/operations/statistics/compare_pictures.h"
 #include "libvkt/render/combine.h"
 #include "shell/command.h"
 #include "shell/pictures.h"

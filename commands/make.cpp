@@ -1,4 +1,4 @@
-// vkt make: see libvkt/operations/make.h and make_amr.h.
+// vkt make: see libvkt/operations/voxels/make.h and make_amr.h.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -1,7 +1,7 @@
 // vkt merge: bricks put together again.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/series.h"
-#include "libvkt/operations/merge_bricks.h"
+#include "libvkt/operations/bricks/merge_bricks.h"
 #include "shell/command.h"
 
 #include <filesystem>

@@ -1,9 +1,9 @@
 // vkt mesh: closed surfaces as triangles, measured and written.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/mesh.h"
+#include "libvkt/operations/shape/mesh.h"
 #include "libvkt/core/error.h"
 #include "libvkt/formats/series.h"
-#include "libvkt/operations/mesh_file.h"
+#include "libvkt/operations/shape/mesh_file.h"
 #include "shell/measure.h"
 #include "shell/terminal.h"
 

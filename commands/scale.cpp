@@ -1,4 +1,4 @@
-// vkt scale: see libvkt/operations/scale.h.
+// vkt scale: see libvkt/operations/resample/scale.h.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -1,4 +1,4 @@
-// vkt stats: see libvkt/operations/stats.h.
+// vkt stats: see libvkt/operations/statistics/stats.h.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -14,7 +14,7 @@
 #include "libvkt/formats/stack.h"
 #include "libvkt/formats/stream_reader.h"
 #include "libvkt/io/output_file.h"
-#include "libvkt/operations/reference_volume.h"
+#include "libvkt/operations/common/reference_volume.h"
 #include "shell/budget.h"
 #include "shell/calibration.h"
 #include "shell/named_files.h"

@@ -7,7 +7,7 @@
 #include "libvkt/core/frame.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
-#include "libvkt/operations/difference.h"
+#include "libvkt/operations/statistics/difference.h"
 #include "shell/chain.h"
 #include "shell/picture_levels.h"
 #include "shell/short_number.h"

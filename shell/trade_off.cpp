@@ -6,8 +6,8 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/current_volume.h"
 #include "libvkt/engine/tunable.h"
-#include "libvkt/operations/crop.h"
-#include "libvkt/operations/difference.h"
+#include "libvkt/operations/statistics/difference.h"
+#include "libvkt/operations/voxels/crop.h"
 #include "shell/calibration.h"
 #include "shell/chain.h"
 

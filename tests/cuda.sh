@@ -27,7 +27,7 @@ mkdir -p build/cuda
 flags='-std=c++20 --extended-lambda --expt-relaxed-constexpr --fmad=false -O1 -Xcicc -O1 -Xptxas -O1 -arch=sm_90 --diag-suppress=554
     -DVKT_BACKEND=cuda -DVKT_BACKEND_cuda -DVKT_CUDA -I.'
 # Kernels that a header declares for CPUs only are no CUDA sources (libvkt/CMakeLists.txt).
-for source in libvkt/*/kernels/*.cpp libvkt/*/kernels/*.cu libvkt/cuda/*.cu tests/gpu/*.cu; do
+for source in libvkt/*/kernels/*.cpp libvkt/*/kernels/*.cu libvkt/*/*/kernels/*.cpp libvkt/*/*/kernels/*.cu libvkt/cuda/*.cu tests/gpu/*.cu; do
     header=${source%.*}.h
     case $source in *.cpp) [ ! -e "${source%.cpp}.cu" ] || continue ;; esac
     if [ -e "$header" ] && grep -q '^VKT_CPU_KERNEL' "$header" && ! grep -q '^VKT_KERNEL' "$header"; then continue; fi

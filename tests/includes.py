@@ -11,6 +11,12 @@ FLOORS = [
     ["libvkt/engine"],
     ["libvkt/formats"],
     ["libvkt/render"],
+    ["libvkt/operations/common"],
+    ["libvkt/operations/statistics"],
+    ["libvkt/operations/voxels"],
+    ["libvkt/operations/filter"],
+    ["libvkt/operations/shape", "libvkt/operations/resample"],
+    ["libvkt/operations/bricks", "libvkt/operations/trees"],
     ["libvkt/operations"],
     ["libvkt/c"],
     ["ipc"],
@@ -22,8 +28,11 @@ INCLUDE = re.compile(r'^\s*#include "((?:libvkt|ipc|shell|commands)/[^"]+)"')
 
 
 def room_of(path):
-    parts = path.split("/")
-    return ROOMS["/".join(parts[:2]) if parts[0] == "libvkt" else parts[0]]
+    """The innermost room that a file lies in: its floor, and its name."""
+    folder = path
+    while folder and folder not in ROOMS:
+        folder = folder.rpartition("/")[0]
+    return ROOMS[folder]
 
 
 def main(root):

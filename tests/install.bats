@@ -11,7 +11,7 @@ setup_more() {
     prefix="$BATS_FILE_TMPDIR/moved here"
     cat >consumer.cpp <<'EOF'
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/flip.h"
+#include "libvkt/operations/voxels/flip.h"
 #include <iostream>
 int main() {
     vkt::Header header;

@@ -6,7 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
-#include "libvkt/operations/transform_each.h"
+#include "libvkt/operations/voxels/transform_each.h"
 
 #include <algorithm>
 #include <memory>

@@ -35,7 +35,7 @@ set(DOXYGEN_WARNINGS NO)
 set(DOXYGEN_WARN_LOGFILE ${PROJECT_BINARY_DIR}/doc/cpp.log)
 set(DOXYGEN_WARN_AS_ERROR NO)
 file(GLOB headers CONFIGURE_DEPENDS libvkt/core/*.h libvkt/engine/*.h libvkt/formats/format.h libvkt/formats/request.h
-  libvkt/kernel/kernel.h libvkt/kernel/numeric.h libvkt/operations/*.h libvkt/render/*.h libvkt/amr/*.h)
+  libvkt/kernel/kernel.h libvkt/kernel/numeric.h libvkt/operations/*.h libvkt/operations/*/*.h libvkt/render/*.h libvkt/amr/*.h)
 doxygen_add_docs(doc_cpp ${headers})
 
 add_custom_target(doc)

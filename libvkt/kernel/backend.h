@@ -10,14 +10,14 @@
 // Sources in folders called kernels, and rows.cpp, are compiled as baseline, avx2, avx512 and cuda, each into the
 // namespace VKT_BACKEND of its own; all others once. What is called from outside is declared in a header beside it:
 //
-//     // operations/kernels/flip.h
+//     // operations/voxels/kernels/flip.h
 //     VKT_KERNEL(flip_box, (ConstView from, AnyView to, Axis axis, Execution const& execution), (from, to, axis,
 //     execution))
-//     // operations/kernels/flip.cpp
+//     // operations/voxels/kernels/flip.cpp
 //     namespace vkt::VKT_BACKEND {
 //     void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution) { ... }
 //     }
-//     // operations/flip.cpp
+//     // operations/voxels/flip.cpp
 //     flip_box(inputs[0], out, axis_, execution); // the one for the device and instruction set of `execution`
 
 #ifdef __CUDACC__

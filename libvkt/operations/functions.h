@@ -4,7 +4,7 @@
 
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/registry.h"
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/statistics/statistics.h"
 
 #include <cstdint>
 #include <optional>

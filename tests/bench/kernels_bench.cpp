@@ -4,11 +4,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
-#include "libvkt/operations/crop.h"
-#include "libvkt/operations/fill.h"
-#include "libvkt/operations/flip.h"
-#include "libvkt/operations/gaussian.h"
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/filter/gaussian.h"
+#include "libvkt/operations/statistics/statistics.h"
+#include "libvkt/operations/voxels/crop.h"
+#include "libvkt/operations/voxels/fill.h"
+#include "libvkt/operations/voxels/flip.h"
 
 #include <benchmark/benchmark.h>
 

@@ -3,7 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/transform.h"
+#include "libvkt/operations/voxels/transform.h"
 
 #include <cstdint>
 #include <cstdlib>

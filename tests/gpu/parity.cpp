@@ -8,13 +8,13 @@
 #include "libvkt/engine/registry.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/numeric.h"
-#include "libvkt/operations/crop.h"
-#include "libvkt/operations/fill.h"
-#include "libvkt/operations/flip.h"
-#include "libvkt/operations/gaussian.h"
-#include "libvkt/operations/histogram.h"
-#include "libvkt/operations/resample.h"
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/filter/gaussian.h"
+#include "libvkt/operations/resample/resample.h"
+#include "libvkt/operations/statistics/histogram.h"
+#include "libvkt/operations/statistics/statistics.h"
+#include "libvkt/operations/voxels/crop.h"
+#include "libvkt/operations/voxels/fill.h"
+#include "libvkt/operations/voxels/flip.h"
 
 #include <chrono>
 #include <cmath>

@@ -1,7 +1,7 @@
 // A filter with faults to choose from, for the vkt of the tests alone: what vkt stress has to find.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/type_dispatch.h"
-#include "libvkt/operations/local_filter.h"
+#include "libvkt/operations/filter/local_filter.h"
 #include "shell/command.h"
 
 #include <algorithm>

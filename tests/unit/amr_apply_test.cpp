@@ -7,7 +7,7 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/engine/tree_run.h"
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/statistics/statistics.h"
 
 using namespace amr_test;
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/expression.h"
-#include "libvkt/operations/program.h"
-#include "libvkt/operations/transform_each.h"
+#include "libvkt/operations/voxels/expression.h"
+#include "libvkt/operations/voxels/program.h"
+#include "libvkt/operations/voxels/transform_each.h"
 
 #include <cmath>
 #include <gtest/gtest.h>

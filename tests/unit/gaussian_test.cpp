@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/half.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/gaussian.h"
+#include "libvkt/operations/filter/gaussian.h"
 #include "tests/unit/volumes.h"
 
 #include <gtest/gtest.h>

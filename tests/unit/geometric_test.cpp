@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/operations/beside.h"
-#include "libvkt/operations/crop.h"
-#include "libvkt/operations/fill.h"
-#include "libvkt/operations/flip.h"
+#include "libvkt/operations/common/beside.h"
+#include "libvkt/operations/voxels/crop.h"
+#include "libvkt/operations/voxels/fill.h"
+#include "libvkt/operations/voxels/flip.h"
 #include "tests/unit/volumes.h"
 
 #include <gtest/gtest.h>

@@ -6,7 +6,7 @@
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/crop.h"
+#include "libvkt/operations/voxels/crop.h"
 #include "pipes.h"
 
 #include <csignal>

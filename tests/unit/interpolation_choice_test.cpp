@@ -1,6 +1,6 @@
 // Estimates of interpolation against what waves really lose, half-way between voxels.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/interpolation_choice.h"
+#include "libvkt/operations/resample/interpolation_choice.h"
 
 #include "libvkt/core/error.h"
 

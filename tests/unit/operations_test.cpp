@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/operations/arithmetic.h"
-#include "libvkt/operations/convert.h"
-#include "libvkt/operations/make.h"
-#include "libvkt/operations/project.h"
-#include "libvkt/operations/resample.h"
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/resample/resample.h"
+#include "libvkt/operations/statistics/statistics.h"
+#include "libvkt/operations/voxels/arithmetic.h"
+#include "libvkt/operations/voxels/convert.h"
+#include "libvkt/operations/voxels/make.h"
+#include "libvkt/operations/voxels/project.h"
 #include "tests/unit/volumes.h"
 
 #include <algorithm>

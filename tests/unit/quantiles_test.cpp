@@ -1,6 +1,6 @@
 // Percentiles against sorting.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/quantiles.h"
+#include "libvkt/operations/statistics/quantiles.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // Weight tables: rational positions, exact sums, footprints.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/resample_weights.h"
+#include "libvkt/operations/resample/resample_weights.h"
 
 #include <gtest/gtest.h>
 

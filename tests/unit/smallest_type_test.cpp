@@ -1,7 +1,7 @@
 // The smallest type within a tolerance, from what a scan found; parts of a volume joined; the level of noise.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/noise_level.h"
-#include "libvkt/operations/smallest_type.h"
+#include "libvkt/operations/statistics/noise_level.h"
+#include "libvkt/operations/voxels/smallest_type.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/region_source.h"
-#include "libvkt/operations/crop.h"
+#include "libvkt/operations/voxels/crop.h"
 #include "pipes.h"
 
 #include <atomic>

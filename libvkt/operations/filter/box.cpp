@@ -1,0 +1,95 @@
+// Box, host side: radius, bound and memory.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/filter/box.h"
+
+#include "libvkt/engine/travelled.h"
+#include "libvkt/operations/filter/kernels/box_window.h"
+
+#include <cmath>
+
+namespace vkt {
+
+VKT_OPERATION(BoxMean, "filter box")
+
+namespace {
+
+double count_of(Index3 radius) {
+    return static_cast<double>(2 * radius.x + 1) * static_cast<double>(2 * radius.y + 1) *
+           static_cast<double>(2 * radius.z + 1);
+}
+
+} // namespace
+
+std::size_t box_sum_bytes(DataType type, Index3 radius) {
+    if (!is_integer(type) || size_of(type) > 2) return 8;
+    return std::max(highest_of(type), -lowest_of(type)) * count_of(radius) < 0x1p31 ? 4 : 8;
+}
+
+std::size_t box_window_bytes(Index3 dims, Index3 radius, std::size_t value_bytes, int threads) {
+    std::int64_t const planes = dims.x * dims.y * (dims.z + 2 * radius.z);
+    std::int64_t const lines = dims.x * (dims.y + 2 * radius.y + 1) + 2 * radius.x;
+    auto const rows = [&](std::int64_t r) { return (2 * r + 3) * window_columns(2 * r + 1, dims.x, value_bytes); };
+    std::int64_t const window = std::max(rows(radius.y), rows(radius.z));
+    return static_cast<std::size_t>(planes + std::max(1, threads) * (lines + window)) * value_bytes;
+}
+
+Texts BoxMean::texts() const {
+    return {"Replace each voxel by the mean of a box around it.",
+            "The box has 2 R + 1 voxels along each axis; the cost hardly depends on R. The data type is kept; integers "
+            "are summed exactly and round half to even."
+            "\n\n"
+            "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+            "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
+            {{"The mean of 5 x 5 x 5 voxels", "vkt filter box volume.nrrd --radius 2 -o mean.nrrd"}}};
+}
+
+void BoxMean::parameters(Parameters& parameters) {
+    parameters.option("radius", radius_, "R", "the box reaches R voxels to either side: one number or X,Y,Z");
+    LocalFilter::parameters(parameters);
+}
+
+void BoxMean::check() const {
+    LocalFilter::check();
+    radius_.check(most_window_radius);
+}
+
+void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
+    require_border_voxel(in);
+    Index3 const radius = radius_.voxels;
+    DataType const type = in.dtype;
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
+    if (radius == Index3{}) {
+        plan.passing.storing = ErrorPassing::Storing::moves;
+        plan.shift = Index3{};
+        plan.method = "copy";
+        plan.cost = 0;
+        return;
+    }
+    Index3 const edges = radius_.edges();
+    plan.method = text("windows of sums, ", edges.x, "x", edges.y, "x", edges.z,
+                       box_sum_bytes(type, radius) == 4 ? ", int32" : ", float64");
+    plan.cost = 2 * std::log2(static_cast<double>(edges.x)) + 8;
+    plan.slab_hint = std::max<std::int64_t>(8, 8 * radius.z);
+    bool const whole = is_integer(type);
+    if (whole && size_of(type) < 8 && count_of(radius) * (highest_of(type) - lowest_of(type)) < 0x1p53) return;
+    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.magnitude = (static_cast<double>(edges.x + edges.y + edges.z) + 4) * 0x1p-53 + storing_error(type);
+    plan.error.absolute = std::abs(in.values.slope) * storing_floor(type);
+    plan.error.limit(type, in.values.slope, std::nullopt);
+}
+
+void BoxMean::prepare(Header const& in, Index3 /*cell_width*/) {
+    reach_ = radius_.voxels;
+    type_ = in.dtype;
+}
+
+std::size_t BoxMean::fit(Index3 largest, Execution const& execution) {
+    if (reach_ == Index3{}) return 0;
+    return box_window_bytes(largest, reach_, box_sum_bytes(type_, reach_), execution.threads);
+}
+
+void BoxMean::filter(ConstView in, AnyView out, Execution const& execution) {
+    mean_of_boxes(in, out, reach_, losses_, execution);
+}
+
+} // namespace vkt

@@ -1,0 +1,57 @@
+// What windows of boxes and balls are made of, on CPUs and GPUs: how two values join, and the rows of a ball.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/order.h"
+#include "libvkt/operations/filter/kernels/box_window.h"
+
+#include <vector>
+
+namespace vkt::VKT_BACKEND {
+namespace {
+
+struct Sum {
+    template <class S> VKT_HD static S of(S a, S b) { return a + b; }
+};
+struct Least {
+    template <class S> VKT_HD static S of(S a, S b) { return a < b ? a : b; }
+};
+struct Greatest {
+    template <class S> VKT_HD static S of(S a, S b) { return a < b ? b : a; }
+};
+
+/// How far the rows of an ellipsoid reach to either side, y fastest; -1 for rows that it has no voxel of. Offsets are
+/// exactly on it for whole numbers: compared with room for rounding, far less than the next offset is off.
+inline std::vector<int> halves_of(Index3 radius) {
+    auto const inside = [](std::int64_t d, std::int64_t r) {
+        double const share = r == 0 ? 0 : static_cast<double>(d) / static_cast<double>(r);
+        return share * share;
+    };
+    std::vector<int> halves;
+    for (std::int64_t dz = -radius.z; dz <= radius.z; ++dz)
+        for (std::int64_t dy = -radius.y; dy <= radius.y; ++dy) {
+            double const rest = inside(dy, radius.y) + inside(dz, radius.z);
+            int half = rest > 1 + 1e-9 ? -1 : 0;
+            while (half >= 0 && half < radius.x && rest + inside(half + 1, radius.x) <= 1 + 1e-9) ++half;
+            halves.push_back(half);
+        }
+    return halves;
+}
+
+/// Calls f(Op{}, K{}).
+template <class F> inline void with_extreme(WindowExtreme extreme, DataType type, F const& f) {
+    with_order_key(type, [&]<class K>(K key) {
+        if (extreme == WindowExtreme::least)
+            f(Least{}, key);
+        else
+            f(Greatest{}, key);
+    });
+}
+
+template <class C> struct Subtract {
+    VKT_HD C operator()(C a, C b) const { return a - b; }
+};
+
+} // namespace
+} // namespace vkt::VKT_BACKEND

@@ -1,0 +1,644 @@
+// Components on GPUs: runs of bits are joined by union-find, a thread a word of 32 voxels; the smaller root wins.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/shape/kernels/device_components.h"
+
+#include "libvkt/kernel/cuda_voxels.h"
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/shape/kernels/device_objects.h"
+
+#include <algorithm>
+#include <limits>
+#include <type_traits>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+constexpr int block = 256;
+
+/// Rows of bits, and rows of runs: of `group` by `group` rows of bits together.
+struct Rows {
+    unsigned* bits;
+    std::int64_t nx, ny, nz, words; ///< voxels; words of a row
+    int group;
+    std::int64_t run_ny, run_nz;
+
+    __device__ unsigned row(std::int64_t y, std::int64_t z, std::int64_t w) const {
+        bool const inside = y >= 0 && y < ny && z >= 0 && z < nz && w >= 0 && w < words;
+        return inside ? bits[(z * ny + y) * words + w] : 0u;
+    }
+    /// All rows that a row of runs is made of.
+    __device__ unsigned all(std::int64_t run_y, std::int64_t run_z, std::int64_t w) const {
+        if (group == 1) return row(run_y, run_z, w);
+        return row(2 * run_y, 2 * run_z, w) | row(2 * run_y + 1, 2 * run_z, w) | row(2 * run_y, 2 * run_z + 1, w) |
+               row(2 * run_y + 1, 2 * run_z + 1, w);
+    }
+    /// Bits of a word at which runs begin.
+    __device__ unsigned starts(std::int64_t run_y, std::int64_t run_z, std::int64_t w) const {
+        unsigned const here = all(run_y, run_z, w);
+        if (here == 0) return 0;
+        return here & ~(here << 1 | all(run_y, run_z, w - 1) >> 31);
+    }
+    __device__ std::int64_t word(std::int64_t run_y, std::int64_t run_z, std::int64_t w) const {
+        return (run_z * run_ny + run_y) * words + w;
+    }
+    std::int64_t run_words() const { return words * run_ny * run_nz; }
+};
+
+/// A word of a row of runs.
+struct Place {
+    std::int64_t y, z, w;
+};
+__device__ Place place_of(Rows const& rows, std::int64_t i) {
+    std::int64_t const r = driver::quotient_of(i, rows.words), z = driver::quotient_of(r, rows.run_ny);
+    return {r - z * rows.run_ny, z, i - r * rows.words};
+}
+__device__ std::int64_t this_thread() { return static_cast<std::int64_t>(blockIdx.x) * block + threadIdx.x; }
+
+unsigned blocks_for(std::int64_t threads) {
+    std::int64_t const blocks = (threads + block - 1) / block;
+    if (blocks > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    return static_cast<unsigned>(blocks);
+}
+
+Rows rows_of(DeviceComponents& components) {
+    Index3 const n = components.dims;
+    int const group = components.connectivity == 26 ? 2 : 1;
+    return {reinterpret_cast<unsigned*>(components.bits.update(Space::device)),
+            n.x,
+            n.y,
+            n.z,
+            (n.x + 31) / 32,
+            group,
+            (n.y + group - 1) / group,
+            (n.z + group - 1) / group};
+}
+
+// Bits.
+
+/// A warp makes so many words.
+constexpr int words_of_warp = 4;
+
+template <class T>
+__global__ void __launch_bounds__(block) bits_kernel(View<T const> in, Index3 n, IsObject<T> is_object, unsigned* to,
+                                                     Rows rows, std::int64_t row0, unsigned long long* totals) {
+    auto const lane = static_cast<int>(threadIdx.x % 32);
+    std::int64_t const parts = (rows.words + words_of_warp - 1) / words_of_warp,
+                       item = (static_cast<std::int64_t>(blockIdx.x) * block + threadIdx.x) / 32,
+                       r = driver::quotient_of(item, parts), w0 = (item - r * parts) * words_of_warp;
+    unsigned nan = 0;
+    if (r < n.y * n.z) {
+        std::int64_t const z = driver::quotient_of(r, n.y), y = r - z * n.y;
+        T const* const from = in.data + y * in.row + z * in.slice;
+        T v[words_of_warp];
+#pragma unroll
+        for (int k = 0; k < words_of_warp; ++k) {
+            std::int64_t const x = (w0 + k) * 32 + lane;
+            v[k] = x < n.x ? from[x] : T{};
+        }
+#pragma unroll
+        for (int k = 0; k < words_of_warp; ++k) {
+            bool const valid = (w0 + k) * 32 + lane < n.x;
+            auto const value = static_cast<typename IsObject<T>::C>(v[k]);
+            unsigned const bits = __ballot_sync(~0u, valid && is_object(value));
+            if constexpr (!std::is_integral_v<T>) nan += __popc(__ballot_sync(~0u, valid && value != value));
+            if (lane == 0 && w0 + k < rows.words) to[(row0 + z * rows.ny + y) * rows.words + w0 + k] = bits;
+        }
+    }
+    if (nan != 0 && lane == 0) atomicAdd(totals, static_cast<unsigned long long>(nan));
+}
+
+template <class T>
+void pack(DeviceComponents& components, ConstView in, std::optional<double> zero, unsigned long long* totals) {
+    Rows const rows = rows_of(components);
+    Index3 const n = in.dims();
+    std::int64_t const parts = (rows.words + words_of_warp - 1) / words_of_warp;
+    IsObject<T> const is_object(zero, components.holes);
+    bits_kernel<T><<<blocks_for(parts * n.y * n.z * 32), block>>>(in.as<T>(), n, is_object, rows.bits, rows,
+                                                                  in.box.lower.z * rows.ny + in.box.lower.y, totals);
+    check_launch("label");
+}
+
+// Sums of what comes before each item, in three steps.
+
+constexpr int items_of_thread = 4;
+
+__device__ unsigned sum_before(unsigned mine, unsigned& total) {
+    __shared__ unsigned warps[block / 32];
+    auto const lane = static_cast<int>(threadIdx.x % 32), warp = static_cast<int>(threadIdx.x / 32);
+    unsigned sum = mine;
+    for (int by = 1; by < 32; by *= 2) {
+        unsigned const below = __shfl_up_sync(~0u, sum, by);
+        sum += lane >= by ? below : 0;
+    }
+    if (lane == 31) warps[warp] = sum;
+    __syncthreads();
+    unsigned before = 0, all = 0;
+    for (int w = 0; w < block / 32; ++w) {
+        before += w < warp ? warps[w] : 0;
+        all += warps[w];
+    }
+    total = all;
+    __syncthreads();
+    return before + sum - mine;
+}
+
+/// With `before` what comes before each of n items, given sums of blocks; without it these sums.
+template <class Count>
+__global__ void __launch_bounds__(block)
+    sums_kernel(std::int64_t n, __grid_constant__ Count const count, unsigned long long* sums, unsigned* before) {
+    std::int64_t const first = this_thread() * items_of_thread;
+    unsigned counts[items_of_thread], mine = 0, total = 0;
+    for (int k = 0; k < items_of_thread; ++k) {
+        counts[k] = first + k < n ? count(first + k) : 0;
+        mine += counts[k];
+    }
+    unsigned sum = sum_before(mine, total);
+    if (before == nullptr) {
+        if (threadIdx.x == 0) sums[blockIdx.x] = total;
+        return;
+    }
+    sum += static_cast<unsigned>(sums[blockIdx.x]);
+    for (int k = 0; k < items_of_thread && first + k < n; ++k) {
+        before[first + k] = sum;
+        sum += counts[k];
+    }
+}
+
+/// In place; the sum of all comes last.
+__global__ void __launch_bounds__(1024) blocks_kernel(unsigned long long* sums, std::int64_t n) {
+    __shared__ unsigned long long warps[32];
+    auto const lane = static_cast<int>(threadIdx.x % 32), warp = static_cast<int>(threadIdx.x / 32);
+    unsigned long long carried = 0;
+    for (std::int64_t begin = 0; begin < n; begin += 1024) {
+        std::int64_t const i = begin + threadIdx.x;
+        unsigned long long const mine = i < n ? sums[i] : 0;
+        unsigned long long sum = mine;
+        for (int by = 1; by < 32; by *= 2) {
+            unsigned long long const below = __shfl_up_sync(~0u, sum, by);
+            sum += lane >= by ? below : 0;
+        }
+        if (lane == 31) warps[warp] = sum;
+        __syncthreads();
+        unsigned long long before = 0, all = 0;
+        for (int w = 0; w < 32; ++w) {
+            before += w < warp ? warps[w] : 0;
+            all += warps[w];
+        }
+        if (i < n) sums[i] = carried + before + sum - mine;
+        carried += all;
+        __syncthreads();
+    }
+    if (threadIdx.x == 0) sums[n] = carried;
+}
+
+template <class Count> std::uint64_t sums_before(std::int64_t n, Count const& count, unsigned* before) {
+    unsigned const blocks = blocks_for((n + items_of_thread - 1) / items_of_thread);
+    driver::DeviceScratch const memory((static_cast<std::size_t>(blocks) + 1) * 8);
+    auto* const sums = reinterpret_cast<unsigned long long*>(memory.get());
+    sums_kernel<Count><<<blocks, block>>>(n, count, sums, nullptr);
+    blocks_kernel<<<1, 1024>>>(sums, blocks);
+    sums_kernel<Count><<<blocks, block>>>(n, count, sums, before);
+    check_launch("label");
+    std::uint64_t total = 0;
+    copy_to_host(&total, sums + blocks, sizeof total);
+    return total;
+}
+
+struct CountStarts {
+    Rows rows;
+    __device__ unsigned operator()(std::int64_t i) const {
+        Place const p = place_of(rows, i);
+        return static_cast<unsigned>(__popc(rows.starts(p.y, p.z, p.w)));
+    }
+};
+struct CountBits {
+    unsigned const* bits;
+    __device__ unsigned operator()(std::int64_t i) const { return static_cast<unsigned>(__popc(bits[i])); }
+};
+
+// Joining.
+
+__device__ unsigned root_of(unsigned* parent, unsigned i) {
+    auto* const now = static_cast<unsigned volatile*>(parent);
+    for (unsigned above = now[i]; above != i; above = now[i]) {
+        unsigned const next = now[above];
+        if (next != above) now[i] = next; // it stays an ancestor whatever others do
+        i = next;
+    }
+    return i;
+}
+
+__device__ void unite(unsigned* parent, unsigned a, unsigned b) {
+    auto* const now = static_cast<unsigned volatile*>(parent);
+    if (now[a] == now[b]) return;
+    for (;;) {
+        a = root_of(parent, a);
+        b = root_of(parent, b);
+        if (a == b) return;
+        unsigned const high = a > b ? a : b, low = a > b ? b : a;
+        unsigned const was = atomicMin(parent + high, low);
+        if (was == high) return;
+        a = was;
+        b = low;
+    }
+}
+
+__global__ void __launch_bounds__(block) singles_kernel(unsigned* parent, std::int64_t n) {
+    std::int64_t const i = this_thread();
+    if (i < n) parent[i] = static_cast<unsigned>(i);
+}
+
+/// A word of bits and the bits beside it.
+struct Word {
+    unsigned bits;
+    bool left, right; ///< the neighbours of its first and last bit
+};
+
+/// The bits below, or up to, bit b.
+__device__ __forceinline__ unsigned below(int b) { return (1u << b) - 1; }
+__device__ __forceinline__ unsigned up_to(int b) { return ~0u >> (31 - b); }
+
+struct Joiner {
+    Rows rows;
+    unsigned const* before;
+    unsigned* parent;
+    Place place;
+    unsigned starts;
+
+    __device__ unsigned mine(int b) const {
+        return before[rows.word(place.y, place.z, place.w)] + static_cast<unsigned>(__popc(starts & up_to(b))) - 1;
+    }
+
+    /// Joins runs through `own` and `other`, rows of bits that face each other; that of the other belongs to the row of
+    /// runs y, z. They may touch diagonally. What `joined` has a bit for is joined already.
+    __device__ void join(Word own, Word other, std::int64_t y, std::int64_t z, bool diagonally, unsigned joined) const {
+        if (own.bits == 0) return;
+        if (other.bits == 0 && !(diagonally && (other.left || other.right))) return;
+        unsigned const both = own.bits & other.bits;
+        std::int64_t const word = rows.word(y, z, place.w);
+        unsigned const others = rows.starts(y, z, place.w), runs = before[word];
+        for (unsigned e = both & ~(both << 1 | (own.left && other.left ? 1u : 0u)); e != 0; e &= e - 1) {
+            unsigned const first = e & -e;
+            if ((both & ~(both + first) & joined) != 0) continue;
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unite(parent, mine(b), runs + static_cast<unsigned>(__popc(others & up_to(b))) - 1);
+        }
+        if (!diagonally) return;
+        // Where nothing overlaps: a run that begins where the other has ended, and the other way round.
+        unsigned const own_left = own.bits << 1 | (own.left ? 1u : 0u),
+                       own_right = own.bits >> 1 | (own.right ? 1u << 31 : 0u),
+                       other_left = other.bits << 1 | (other.left ? 1u : 0u),
+                       other_right = other.bits >> 1 | (other.right ? 1u << 31 : 0u);
+        unsigned const free = own.bits & ~other.bits;
+        for (unsigned e = free & ~own_left & other_left; e != 0; e &= e - 1) {
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unite(parent, mine(b), runs + static_cast<unsigned>(__popc(others & below(b))) - 1);
+        }
+        for (unsigned e = free & ~own_right & other_right; e != 0; e &= e - 1) {
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unsigned run = runs + static_cast<unsigned>(__popc(others & up_to(b < 31 ? b + 1 : b))) - 1;
+            if (b == 31) run += rows.starts(y, z, place.w + 1) & 1u;
+            unite(parent, mine(b), run);
+        }
+    }
+};
+
+/// Which neighbours are joined: of the slice, of the slice before, and those across.
+enum class Links { above, before, across };
+
+__global__ void __launch_bounds__(block)
+    join_kernel(Rows rows, int connectivity, Links links, unsigned const* before, unsigned* parent) {
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.run_ny * rows.run_nz) return;
+    Place const p = place_of(rows, i);
+    if (rows.all(p.y, p.z, p.w) == 0) return;
+    Joiner const joiner{rows, before, parent, p, rows.starts(p.y, p.z, p.w)};
+    // Up to two rows together.
+    auto const word = [&](std::int64_t y, std::int64_t z, std::int64_t y2, std::int64_t z2) {
+        auto const at = [&](std::int64_t w) { return rows.row(y, z, w) | rows.row(y2, z2, w); };
+        return Word{at(p.w), at(p.w - 1) >> 31 != 0, (at(p.w + 1) & 1) != 0};
+    };
+    if (rows.group == 1) {
+        auto const one = [&](std::int64_t y, std::int64_t z) { return word(y, z, y, z); };
+        bool const edges = connectivity >= 18;
+        Word const own = one(p.y, p.z), above = one(p.y - 1, p.z), below = one(p.y, p.z - 1);
+        if (links == Links::above) joiner.join(own, above, p.y - 1, p.z, edges, 0);
+        // Around four rows that all have a voxel there is a way without this one.
+        if (links == Links::before)
+            joiner.join(own, below, p.y, p.z - 1, edges, above.bits & rows.row(p.y - 1, p.z - 1, p.w));
+        if (links != Links::across) return;
+        joiner.join(own, one(p.y - 1, p.z - 1), p.y - 1, p.z - 1, false, above.bits | below.bits);
+        joiner.join(own, one(p.y + 1, p.z - 1), p.y + 1, p.z - 1, false, below.bits | rows.row(p.y + 1, p.z, p.w));
+        return;
+    }
+    std::int64_t const y = 2 * p.y, z = 2 * p.z;
+    if (links == Links::above && p.y > 0)
+        joiner.join(word(y, z, y, z + 1), word(y - 1, z, y - 1, z + 1), p.y - 1, p.z, true, 0);
+    if (p.z == 0) return;
+    if (links == Links::before) joiner.join(word(y, z, y + 1, z), word(y, z - 1, y + 1, z - 1), p.y, p.z - 1, true, 0);
+    if (links != Links::across) return;
+    if (p.y > 0) joiner.join(word(y, z, y, z), word(y - 1, z - 1, y - 1, z - 1), p.y - 1, p.z - 1, true, 0);
+    joiner.join(word(y + 1, z, y + 1, z), word(y + 2, z - 1, y + 2, z - 1), p.y + 1, p.z - 1, true, 0);
+}
+
+/// Runs point to their roots, so that those that are joined already are seen to be at once.
+__global__ void __launch_bounds__(block) flatten_kernel(unsigned* parent, std::int64_t n) {
+    std::int64_t const i = this_thread();
+    if (i >= n) return;
+    unsigned const root = root_of(parent, static_cast<unsigned>(i));
+    if (parent[i] != root) parent[i] = root;
+}
+
+// Numbering.
+
+/// The first voxels of the components whose runs are of several rows.
+__global__ void __launch_bounds__(block)
+    first_kernel(Rows rows, unsigned const* before, unsigned* parent, unsigned long long* first) {
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.run_ny * rows.run_nz) return;
+    Place const p = place_of(rows, i);
+    unsigned const all = rows.all(p.y, p.z, p.w), starts = rows.starts(p.y, p.z, p.w);
+    for (unsigned rest = all; rest != 0;) {
+        unsigned const begin = rest & -rest, run = rest & ~(rest + begin);
+        rest &= ~run;
+        int const b = __ffs(static_cast<int>(begin)) - 1;
+        unsigned const root = root_of(parent, before[i] + static_cast<unsigned>(__popc(starts & up_to(b))) - 1);
+        unsigned long long voxel = ~0ull;
+        for (int k = 3; k >= 0; --k) {
+            std::int64_t const y = 2 * p.y + k % 2, z = 2 * p.z + k / 2;
+            unsigned const here = rows.row(y, z, p.w) & run;
+            if (here != 0)
+                voxel = static_cast<unsigned long long>((z * rows.ny + y) * rows.words * 32 + p.w * 32 +
+                                                        __ffs(static_cast<int>(here)) - 1);
+        }
+        if (voxel < *static_cast<unsigned long long volatile*>(first + root)) atomicMin(first + root, voxel);
+    }
+}
+
+/// Calls f(run, voxel) for the runs of a word that are roots, with the first voxel of the component, as bits count.
+template <class F>
+__device__ void for_each_root(Rows const& rows, std::int64_t i, unsigned const* before, unsigned const* parent,
+                              unsigned long long const* first, F const& f) {
+    Place const p = place_of(rows, i);
+    unsigned run = before[i];
+    for (unsigned e = rows.starts(p.y, p.z, p.w); e != 0; e &= e - 1, ++run)
+        if (parent[run] == run)
+            f(run,
+              first != nullptr ? first[run] : static_cast<unsigned long long>(i * 32 + __ffs(static_cast<int>(e)) - 1));
+}
+
+__global__ void __launch_bounds__(block) roots_kernel(Rows rows, unsigned const* before, unsigned const* parent,
+                                                      unsigned long long const* first, unsigned* marks) {
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.run_ny * rows.run_nz) return;
+    for_each_root(rows, i, before, parent, first,
+                  [&](unsigned, unsigned long long voxel) { atomicOr(marks + voxel / 32, 1u << voxel % 32); });
+}
+
+__global__ void __launch_bounds__(block)
+    ranks_kernel(Rows rows, unsigned const* before, unsigned const* parent, unsigned long long const* first,
+                 unsigned const* marks, unsigned const* marks_before, unsigned* rank, unsigned long long* voxels) {
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.run_ny * rows.run_nz) return;
+    for_each_root(rows, i, before, parent, first, [&](unsigned run, unsigned long long voxel) {
+        unsigned const mine = marks_before[voxel / 32] +
+                              static_cast<unsigned>(__popc(marks[voxel / 32] & below(static_cast<int>(voxel % 32))));
+        rank[run] = mine;
+        voxels[mine] = voxel;
+    });
+}
+
+/// Runs that are no roots get the rank of theirs.
+__global__ void __launch_bounds__(block) spread_kernel(unsigned* parent, unsigned* rank, std::int64_t n) {
+    std::int64_t const i = this_thread();
+    if (i >= n) return;
+    unsigned const root = root_of(parent, static_cast<unsigned>(i));
+    if (root != i) rank[i] = rank[root];
+}
+
+// Results.
+
+struct Runs {
+    Rows rows;
+    unsigned const *before, *component;
+
+    /// Of the run of which a voxel of row y, z is bit b of word w.
+    __device__ unsigned component_of(std::int64_t y, std::int64_t z, std::int64_t w, int b) const {
+        std::int64_t const run_y = rows.group == 1 ? y : y / 2, run_z = rows.group == 1 ? z : z / 2;
+        unsigned const starts = rows.starts(run_y, run_z, w);
+        return component[before[rows.word(run_y, run_z, w)] + static_cast<unsigned>(__popc(starts & up_to(b))) - 1];
+    }
+};
+Runs runs_of(DeviceComponents& components) {
+    return {rows_of(components), reinterpret_cast<unsigned const*>(components.before.read(Space::device)),
+            reinterpret_cast<unsigned const*>(components.component.read(Space::device))};
+}
+
+template <class T>
+__global__ void __launch_bounds__(block)
+    labels_kernel(Runs runs, unsigned const* names, View<T> out, Index3 lower, Index3 n) {
+    auto const lane = static_cast<int>(threadIdx.x % 32);
+    std::int64_t const item = this_thread() / 32, parts = (runs.rows.words + words_of_warp - 1) / words_of_warp,
+                       r = driver::quotient_of(item, parts), w0 = (item - r * parts) * words_of_warp;
+    if (r >= n.y * n.z) return;
+    std::int64_t const dz = driver::quotient_of(r, n.y), dy = r - dz * n.y, y = lower.y + dy, z = lower.z + dz;
+    T* const to = out.data + dy * out.row + dz * out.slice;
+#pragma unroll
+    for (int k = 0; k < words_of_warp; ++k) {
+        std::int64_t const w = w0 + k, x = w * 32 + lane;
+        if (x >= n.x) return;
+        unsigned const bits = runs.rows.row(y, z, w);
+        unsigned label = 0;
+        if ((bits >> lane & 1) != 0) {
+            unsigned const component = runs.component_of(y, z, w, lane);
+            label = names != nullptr ? names[component] : component + 1;
+        }
+        to[x] = static_cast<T>(label);
+    }
+}
+
+template <class T> void launch_labels(Runs const& runs, unsigned const* names, AnyView out) {
+    Index3 const n = out.dims();
+    std::int64_t const parts = (runs.rows.words + words_of_warp - 1) / words_of_warp;
+    labels_kernel<T><<<blocks_for(parts * n.y * n.z * 32), block>>>(runs, names, out.as<T>(), out.box.lower, n);
+    check_launch("label");
+}
+
+/// Voxels whose components have names get values.
+template <class T>
+__global__ void __launch_bounds__(block)
+    paint_kernel(Runs runs, unsigned const* names, std::uint64_t const* values, View<T> out, Index3 lower, Index3 n) {
+    std::int64_t const i = this_thread(), r = driver::quotient_of(i, n.x), x = i - r * n.x;
+    if (r >= n.y * n.z) return;
+    std::int64_t const dz = driver::quotient_of(r, n.y), dy = r - dz * n.y, y = lower.y + dy, z = lower.z + dz;
+    if ((runs.rows.row(y, z, x / 32) >> x % 32 & 1) == 0) return;
+    unsigned const component = runs.component_of(y, z, x / 32, static_cast<int>(x % 32));
+    if (names[component] != 0) out.data[x + dy * out.row + dz * out.slice] = static_cast<T>(values[component]);
+}
+template <class T>
+void launch_paint(Runs const& runs, unsigned const* names, std::uint64_t const* values, AnyView out) {
+    paint_kernel<T>
+        <<<blocks_for(out.box.voxels()), block>>>(runs, names, values, out.as<T>(), out.box.lower, out.dims());
+    check_launch("fill-holes");
+}
+
+template <class T>
+__global__ void __launch_bounds__(block) values_kernel(Rows rows, unsigned long long const* first, std::int64_t count,
+                                                       View<T const> in, Box box, std::uint64_t* values) {
+    std::int64_t const i = this_thread();
+    if (i >= count) return;
+    auto const bit = static_cast<std::int64_t>(first[i]);
+    std::int64_t const r = bit / (rows.words * 32), x = bit - r * rows.words * 32;
+    std::int64_t const voxel = r * rows.nx + x - 1; // in x-fastest order
+    if (voxel < 0) return;
+    std::int64_t const row = voxel / rows.nx, at_z = row / rows.ny, at_y = row - at_z * rows.ny,
+                       at_x = voxel - row * rows.nx;
+    if (at_z < box.lower.z || at_z >= box.upper.z || at_y < box.lower.y || at_y >= box.upper.y) return;
+    values[i] = static_cast<std::uint64_t>(in(at_x, at_y, at_z));
+}
+template <class T> void launch_values(DeviceComponents& components, ConstView in) {
+    values_kernel<T><<<blocks_for(components.count), block>>>(
+        rows_of(components), reinterpret_cast<unsigned long long const*>(components.first.read(Space::device)),
+        components.count, in.as<T>(), in.box,
+        reinterpret_cast<std::uint64_t*>(components.values.update(Space::device)));
+    check_launch("fill-holes");
+}
+
+__device__ void least(std::int32_t* to, std::int64_t v) {
+    if (v < *static_cast<std::int32_t volatile*>(to)) atomicMin(to, static_cast<std::int32_t>(v));
+}
+__device__ void most(std::int32_t* to, std::int64_t v) {
+    if (v > *static_cast<std::int32_t volatile*>(to)) atomicMax(to, static_cast<std::int32_t>(v));
+}
+__device__ void add(std::uint64_t* to, std::uint64_t v) {
+    if (v != 0) atomicAdd(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(v));
+}
+
+__global__ void __launch_bounds__(block) facts_kernel(Runs runs, ComponentFacts* facts) {
+    Rows const& rows = runs.rows;
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.ny * rows.nz) return;
+    std::int64_t const r = driver::quotient_of(i, rows.words), w = i - r * rows.words,
+                       z = driver::quotient_of(r, rows.ny), y = r - z * rows.ny;
+    for (unsigned rest = rows.row(y, z, w); rest != 0;) {
+        unsigned const begin = rest & -rest, part = rest & ~(rest + begin);
+        rest &= ~part;
+        int const b = __ffs(static_cast<int>(begin)) - 1;
+        ComponentFacts* const to = facts + runs.component_of(y, z, w, b);
+        auto const n = static_cast<std::uint64_t>(__popc(part)), x = static_cast<std::uint64_t>(w * 32 + b);
+        add(&to->size, n);
+        add(&to->sum_x, n * x + n * (n - 1) / 2);
+        add(&to->sum_y, n * static_cast<std::uint64_t>(y));
+        add(&to->sum_z, n * static_cast<std::uint64_t>(z));
+        least(&to->lower_x, static_cast<std::int64_t>(x));
+        least(&to->lower_y, y);
+        least(&to->lower_z, z);
+        most(&to->upper_x, static_cast<std::int64_t>(x + n));
+        most(&to->upper_y, y + 1);
+        most(&to->upper_z, z + 1);
+    }
+}
+
+} // namespace
+
+void component_bits(DeviceComponents& components, ConstView rows, std::optional<double> zero, Execution const&) {
+    if (rows.box.empty()) return;
+    Index3 const n = components.dims;
+    components.bits.reserve(static_cast<std::size_t>((n.x + 31) / 32 * n.y * n.z) * 4);
+    driver::DeviceLosses const counts;
+    with_type(rows.type, [&]<class T>(T) { pack<T>(components, rows, zero, counts.get()); });
+    if (is_integer(rows.type)) return;
+    Losses found;
+    counts.add_to(found);
+    components.nan += found.clipped;
+}
+
+void component_numbers(DeviceComponents& components, Execution const&) {
+    Rows const rows = rows_of(components);
+    std::int64_t const words = rows.run_words(), bit_words = rows.words * rows.ny * rows.nz;
+    components.before.reserve(static_cast<std::size_t>(words) * 4);
+    auto* const before = reinterpret_cast<unsigned*>(components.before.write(Space::device));
+    std::uint64_t const runs = sums_before(words, CountStarts{rows}, before);
+    if (runs >> 32 != 0) throw Error(ErrorKind::resources, "there are 2^32 runs of voxels or more", "use --device cpu");
+    components.component.reserve(std::max<std::size_t>(1, runs) * 4);
+    auto* const rank = reinterpret_cast<unsigned*>(components.component.write(Space::device));
+    driver::DeviceScratch const parents(std::max<std::size_t>(1, runs) * 4);
+    auto* const parent = reinterpret_cast<unsigned*>(parents.get());
+    auto const count = static_cast<std::int64_t>(runs);
+    if (runs == 0) {
+        components.count = 0;
+        return;
+    }
+    singles_kernel<<<blocks_for(count), block>>>(parent, count);
+    for (Links const links : {Links::above, Links::before, Links::across}) {
+        if (links == Links::across && components.connectivity == 6) break;
+        join_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, links, before, parent);
+        flatten_kernel<<<blocks_for(count), block>>>(parent, count);
+    }
+    std::optional<driver::DeviceScratch> firsts;
+    unsigned long long* first = nullptr;
+    if (rows.group > 1) {
+        firsts.emplace(runs * 8);
+        first = reinterpret_cast<unsigned long long*>(firsts->get());
+        cudaMemsetAsync(first, 0xff, runs * 8);
+        first_kernel<<<blocks_for(words), block>>>(rows, before, parent, first);
+    }
+    driver::DeviceScratch const mark_memory(static_cast<std::size_t>(bit_words) * 4),
+        mark_sums(static_cast<std::size_t>(bit_words) * 4);
+    auto* const marks = reinterpret_cast<unsigned*>(mark_memory.get());
+    auto* const marks_before = reinterpret_cast<unsigned*>(mark_sums.get());
+    device_clear(marks, static_cast<std::size_t>(bit_words) * 4);
+    roots_kernel<<<blocks_for(words), block>>>(rows, before, parent, first, marks);
+    components.count = static_cast<std::int64_t>(sums_before(bit_words, CountBits{marks}, marks_before));
+    components.first.reserve(static_cast<std::size_t>(components.count) * 8);
+    ranks_kernel<<<blocks_for(words), block>>>(
+        rows, before, parent, first, marks, marks_before, rank,
+        reinterpret_cast<unsigned long long*>(components.first.write(Space::device)));
+    spread_kernel<<<blocks_for(count), block>>>(parent, rank, count);
+    check_launch("label");
+}
+
+void component_facts(DeviceComponents& components, std::vector<ComponentFacts>& facts, Execution const&) {
+    ComponentFacts empty;
+    empty.lower_x = empty.lower_y = empty.lower_z = std::numeric_limits<std::int32_t>::max();
+    facts.assign(static_cast<std::size_t>(components.count), empty);
+    if (facts.empty()) return;
+    Runs const runs = runs_of(components);
+    std::size_t const bytes = facts.size() * sizeof(ComponentFacts);
+    driver::DeviceScratch const memory(bytes);
+    copy_to_device(memory.get(), facts.data(), bytes);
+    facts_kernel<<<blocks_for(runs.rows.words * runs.rows.ny * runs.rows.nz), block>>>(
+        runs, reinterpret_cast<ComponentFacts*>(memory.get()));
+    check_launch("label");
+    copy_to_host(facts.data(), memory.get(), bytes);
+}
+
+void component_labels(DeviceComponents& components, AnyView out, Execution const&) {
+    if (out.box.empty()) return;
+    driver::DeviceList<std::uint32_t> const list(components.names);
+    unsigned const* const names = components.names.empty() ? nullptr : list.get();
+    Runs const runs = runs_of(components);
+    for_each_size(size_of(out.type), [&]<class T>(T) { launch_labels<T>(runs, names, out); });
+}
+
+void component_values(DeviceComponents& components, ConstView rows, Execution const&) {
+    if (rows.box.empty() || components.count == 0) return;
+    std::size_t const bytes = static_cast<std::size_t>(components.count) * 8;
+    components.values.reserve(bytes);
+    if (!components.values.resident(Space::device)) device_clear(components.values.write(Space::device), bytes);
+    for_each_size(size_of(rows.type), [&]<class T>(T) { launch_values<T>(components, rows); });
+}
+
+void component_paint(DeviceComponents& components, AnyView out, Execution const&) {
+    if (out.box.empty() || components.names.empty()) return;
+    driver::DeviceList<std::uint32_t> const names(components.names);
+    auto const* const values = reinterpret_cast<std::uint64_t const*>(components.values.read(Space::device));
+    Runs const runs = runs_of(components);
+    for_each_size(size_of(out.type), [&]<class T>(T) { launch_paint<T>(runs, names.get(), values, out); });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt

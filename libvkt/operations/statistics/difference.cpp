@@ -1,0 +1,147 @@
+// Comparing rows of slabs or of bricks, merging them in order.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/statistics/difference.h"
+
+#include "libvkt/amr/tree.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
+#include "libvkt/core/wide.h"
+#include "libvkt/engine/cut.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/window.h"
+#include "libvkt/operations/statistics/kernels/difference.h"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace vkt {
+
+namespace {
+
+/// One source's slabs, in place or copied, where they are compared.
+class Slabs {
+public:
+    Slabs(Source& source, Execution const& on) : source_(source), on_(on) {
+        window_.reset({.volume_dims = source.header().dims, .type = source.header().dtype});
+        source.expect(box_of(source.header().dims));
+    }
+    ConstView at(Box const& box) {
+        if (auto const lent = source_.borrow(box); lent && lent->space == on_.space()) return *lent;
+        return window_.fetch(source_, box, on_);
+    }
+
+private:
+    Source& source_;
+    Execution on_;
+    Window window_;
+};
+
+/// What rows add up to, one after the other.
+class Sum {
+public:
+    /// `corner`: where the row's voxels count from, `width`: how far apart they are.
+    void add(RowDifference const& row, Index3 corner, std::int64_t width, DifferenceResult& to) {
+        if (row.differing > 0 && to.differing == 0) to.first = {corner.x + row.first * width, corner.y, corner.z};
+        to.differing += row.differing;
+        to.max_abs = std::max(to.max_abs, row.max_abs);
+        squares_ += row.squares;
+        low_ = std::min(low_, row.low);
+        high_ = std::max(high_, row.high);
+    }
+    /// Of so many voxels in all.
+    void end(std::int64_t count, DifferenceResult& to) const {
+        to.count = count;
+        long double const rmse = std::sqrt(squares_ / static_cast<long double>(count));
+        long double const range = high_ > low_ ? static_cast<long double>(high_) - low_ : 0;
+        to.rmse = static_cast<double>(rmse);
+        to.range = static_cast<double>(range);
+        to.psnr =
+            rmse > 0 ? static_cast<double>(20 * std::log10(range / rmse)) : std::numeric_limits<double>::infinity();
+    }
+
+private:
+    long double squares_ = 0;
+    double low_ = std::numeric_limits<double>::infinity(), high_ = -std::numeric_limits<double>::infinity();
+};
+
+void compare_slabs(Source& a, Source& b, Execution const& execution, DifferenceResult& to) {
+    Header const &ha = a.header(), &hb = b.header();
+    Execution const on = where_looked_at(execution, a.space() == Space::device && b.space() == Space::device);
+    Cut const cut = cut_of(ha, slab_hint_on(on, ha, a.natural_slab()), on);
+    Slabs slabs_a(a, on), slabs_b(b, on);
+    std::vector<RowDifference> rows;
+    Sum sum;
+    for_each_piece(box_of(ha.dims), cut, [&](Box const& box) {
+        SlabPair const pair{slabs_a.at(box), slabs_b.at(box), ha.values, hb.values};
+        std::int64_t const ny = box.dims().y;
+        rows.resize(static_cast<std::size_t>(ny * box.dims().z));
+        difference_rows(pair, rows.data(), on);
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            auto const at = static_cast<std::int64_t>(i);
+            sum.add(rows[i], {0, box.lower.y + at % ny, box.lower.z + at / ny}, 1, to);
+        }
+    });
+    sum.end(ha.voxels(), to);
+}
+
+/// Cell by cell, where the trees are the same.
+void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& to) {
+    if (execution.only_gpu) refuse_cpu("diff of hierarchical volumes");
+    execution.device = Device::cpu;
+    BrickSequence cells_a = a.take_bricks(), cells_b = b.take_bricks();
+    BrickTable const& bricks = cells_a.bricks();
+    to.same_tree = bricks == cells_b.bricks();
+    if (!to.same_tree) return;
+    Header const &ha = cells_a.header(), &hb = cells_b.header();
+    std::vector<RowDifference> rows;
+    Sum sum;
+    for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
+        n = cells_a.group(first, brick_group_bytes);
+        std::byte const *at_a = cells_a.cells(first, n), *at_b = cells_b.cells(first, n);
+        for (std::size_t i = first; i < first + n; ++i) {
+            Brick const brick = bricks[i];
+            Box const box = box_of(brick.dims);
+            rows.resize(static_cast<std::size_t>(brick.dims.y * brick.dims.z));
+            difference_rows({dense_view(at_a, ha.dtype, box), dense_view(at_b, hb.dtype, box), ha.values, hb.values},
+                            rows.data(), execution);
+            Index3 const width = cell_width(ha.dims, brick.level);
+            for (std::size_t r = 0; r < rows.size(); ++r) {
+                auto const row = static_cast<std::int64_t>(r);
+                Index3 const lower = brick.lower;
+                sum.add(rows[r],
+                        {lower.x, lower.y + row % brick.dims.y * width.y, lower.z + row / brick.dims.y * width.z},
+                        width.x, to);
+            }
+            at_a += static_cast<std::size_t>(brick.cells()) * size_of(ha.dtype);
+            at_b += static_cast<std::size_t>(brick.cells()) * size_of(hb.dtype);
+        }
+    }
+    sum.end(ha.cell_count, to);
+}
+
+} // namespace
+
+void require_same_kind(Header const& a, Header const& b) {
+    if (a.kind != b.kind)
+        throw Error(ErrorKind::usage, "one of the volumes is hierarchical and one is not",
+                    "make a grid of it first: vkt resample --like GRID");
+}
+
+DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
+    Header const &ha = a.header(), &hb = b.header();
+    require_same_kind(ha, hb);
+    DifferenceResult r;
+    r.same_dims = ha.dims == hb.dims;
+    r.same_type = ha.dtype == hb.dtype;
+    r.same_geometry = r.same_dims && same_place(ha, hb);
+    if (r.same_dims && ha.kind == Kind::hierarchical)
+        compare_trees(a, b, execution, r);
+    else if (r.same_dims)
+        compare_slabs(a, b, execution, r);
+    a.finish();
+    b.finish();
+    return r;
+}
+
+} // namespace vkt

@@ -1,0 +1,280 @@
+// Grouped statistics: keys of rows, sums of slices.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/statistics/grouped_statistics.h"
+
+#include "libvkt/kernel/numeric.h"
+#include "libvkt/operations/common/same_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <unordered_map>
+
+namespace vkt {
+namespace {
+
+/// Sums of one group in one block of rows. Values are stored ones: T's own, Int128 for integers; the product is of
+/// physical ones.
+template <class T> class RunningSums {
+public:
+    static constexpr bool integer = std::is_integral_v<T>;
+    static constexpr bool exact = integer && sizeof(T) <= 4;
+
+    void add(T stored, Index3 at, ValueMap const& map, bool mapped) {
+        if constexpr (!integer) {
+            auto const value = static_cast<double>(stored);
+            if (value != value) {
+                ++m_.nan;
+                return;
+            }
+        }
+        if (!min_.valid || less(stored, low_)) {
+            low_ = stored;
+            min_ = {true, static_cast<double>(stored), whole(stored), at};
+        }
+        if (!max_.valid || less(high_, stored)) {
+            high_ = stored;
+            max_ = {true, static_cast<double>(stored), whole(stored), at};
+        }
+        auto const value = static_cast<double>(stored);
+        if constexpr (!integer) {
+            if (value - value != 0) {
+                (value > 0 ? m_.positive_infinity : m_.negative_infinity) += 1;
+                return;
+            }
+        }
+        if (m_.finite++ == 0) first_ = stored;
+        if constexpr (integer) m_.integer_sum += stored;
+        if constexpr (exact) {
+            auto const size = static_cast<std::uint64_t>(std::abs(static_cast<std::int64_t>(stored)));
+            m_.squares += size * size;
+        } else {
+            long double difference = 0;
+            if constexpr (integer)
+                difference = static_cast<long double>(whole(stored) - whole(first_));
+            else
+                difference = static_cast<long double>(value) - static_cast<double>(first_);
+            differences_ += difference;
+            squares_ += difference * difference;
+        }
+        long double factor = value;
+        if (mapped) factor = static_cast<long double>(map.slope) * value + static_cast<long double>(map.intercept);
+        product_.mantissa *= factor;
+        long double const size = std::abs(product_.mantissa);
+        if (!(size < 0x1p8000L && size > 0x1p-8000L)) product_.multiply({});
+    }
+
+    PartialStatistics partial() const {
+        PartialStatistics p{m_, {}, min_, max_, product_};
+        p.product.multiply({});
+        if (m_.finite == 0) return p;
+        p.origin = {true, static_cast<double>(first_), whole(first_)};
+        if constexpr (!exact) {
+            auto const n = static_cast<long double>(m_.finite);
+            p.moments.mean = differences_ / n;
+            p.moments.deviations = std::max(0.0L, squares_ - differences_ * differences_ / n);
+            if constexpr (!integer) p.moments.sum = n * static_cast<double>(first_) + differences_;
+        }
+        return p;
+    }
+
+private:
+    static bool less(T a, T b) {
+        if constexpr (integer)
+            return a < b;
+        else
+            return static_cast<double>(a) < static_cast<double>(b);
+    }
+    static Int128 whole(T stored) {
+        if constexpr (integer)
+            return stored;
+        else
+            return 0;
+    }
+
+    Moments m_;
+    Extreme min_, max_;
+    Product product_;
+    T low_{}, high_{}, first_{};
+    long double differences_ = 0, squares_ = 0;
+};
+
+/// The groups of one block.
+template <class T> class BlockGroups {
+public:
+    RunningSums<T>& at(std::int64_t key) {
+        if (last_ == nullptr || key != last_key_) {
+            last_ = &groups_[key];
+            last_key_ = key;
+        }
+        return *last_;
+    }
+    std::map<std::int64_t, PartialStatistics> partial() const {
+        std::map<std::int64_t, PartialStatistics> result;
+        for (auto const& [key, sums] : groups_) result.emplace(key, sums.partial());
+        return result;
+    }
+
+private:
+    std::unordered_map<std::int64_t, RunningSums<T>> groups_; // its elements stay where they are
+    RunningSums<T>* last_ = nullptr;
+    std::int64_t last_key_ = 0;
+};
+
+struct Beside {
+    ConstView slab;
+    std::optional<ConstView> mask, labels;
+};
+
+template <class T>
+std::map<std::int64_t, PartialStatistics> block_groups(Beside const& in, Box const& box, GroupedBy by,
+                                                       ValueMap const& map) {
+    std::int64_t const z = box.lower.z;
+    auto const n = static_cast<std::size_t>(box.dims().x);
+    View<T const> const voxels = in.slab.as<T>();
+    bool const mapped = !(map == ValueMap{});
+    std::vector<std::int64_t> keys(n, by == GroupedBy::z ? z : 0);
+    std::vector<std::uint8_t> counts(n, 1);
+    if (by == GroupedBy::x)
+        for (std::size_t i = 0; i < n; ++i) keys[i] = box.lower.x + static_cast<std::int64_t>(i);
+    BlockGroups<T> groups;
+    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+        if (by == GroupedBy::y) std::fill(keys.begin(), keys.end(), y);
+        if (in.mask)
+            with_type(in.mask->type, [&]<class M>(M) {
+                M const* const row = reinterpret_cast<M const*>(in.mask->at(box.lower.x, y, z));
+                for (std::size_t i = 0; i < n; ++i) counts[i] = static_cast<double>(row[i]) != 0 ? 1 : 0;
+            });
+        if (in.labels)
+            with_type(in.labels->type, [&]<class L>(L) {
+                L const* const row = reinterpret_cast<L const*>(in.labels->at(box.lower.x, y, z));
+                if constexpr (std::is_integral_v<L>)
+                    for (std::size_t i = 0; i < n; ++i) keys[i] = static_cast<std::int64_t>(row[i]);
+            });
+        for (std::size_t i = 0; i < n; ++i) {
+            if (counts[i] == 0) continue;
+            std::int64_t const x = box.lower.x + static_cast<std::int64_t>(i);
+            groups.at(keys[i]).add(voxels(x, y, z), {x, y, z}, map, mapped);
+        }
+    }
+    return groups.partial();
+}
+
+/// A source's voxels of a box, in place or copied.
+ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
+    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
+    buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
+    AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
+    source.read(view);
+    return view;
+}
+
+} // namespace
+
+std::string GroupedResult::key_text(std::int64_t key) const {
+    return unsigned_keys ? to_text(static_cast<std::uint64_t>(key)) : to_text(key);
+}
+
+void GroupedResult::add(GroupedResult const& other) {
+    if (other.by != by) throw Error(ErrorKind::data, "partial statistics of different things: labels, slices, volumes");
+    if (other.type != type || !(other.values == values))
+        throw Error(ErrorKind::data, text("partial statistics of different volumes: ", type, " and ", other.type),
+                    "their types and value maps must be the same");
+    unsigned_keys = unsigned_keys || other.unsigned_keys;
+    for (auto const& [key, part] : other.groups) groups[key].append(part, type);
+}
+
+Plan GroupedStatistics::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs.front();
+    if (in.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "hierarchical volumes have neither masks, labels, slices nor partial statistics",
+                    "make a grid first: vkt resample --cells 50M");
+    static_cast<void>(roi.resolve(in.dims)); // or it is refused
+    if (mask != nullptr) require_same_grid(in, mask->header(), "--mask");
+    if (labels != nullptr) {
+        require_same_grid(in, labels->header(), "--labels");
+        if (DataType const type = labels->header().dtype; !is_integer(type))
+            throw Error(ErrorKind::usage, text("--labels: labels are integers, these are ", type),
+                        "convert them: vkt convert --dtype uint32");
+    }
+    Plan plan;
+    plan.output = in;
+    bool const exact = is_integer(in.dtype) && size_of(in.dtype) <= 4;
+    plan.method = exact ? "exact integer sums by group" : "shifted sums by group, Chan merge";
+    if (!exact) {
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 1e-15;
+    }
+    plan.cost = 20;
+    return plan;
+}
+
+void GroupedStatistics::begin(std::span<Header const> inputs, Plan const&) {
+    input_ = inputs.front();
+    region_ = roi.resolve(input_.dims);
+    result_ = {};
+    result_.by = by;
+    result_.type = input_.dtype;
+    result_.values = input_.values;
+    result_.unsigned_keys = labels != nullptr && labels->header().dtype == DataType::uint64;
+    if (by == GroupedBy::volume) result_.groups[0]; // also if nothing is counted
+}
+
+void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
+    Box const box = intersect(slab.box, region_);
+    if (box.empty()) return;
+    Beside in{slab.part(box), {}, {}};
+    if (mask != nullptr) in.mask = voxels_of(*mask, box, mask_buffer_);
+    if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
+    std::int64_t const rows = block_rows(region_.dims()), per_slice = (box.dims().y - 1) / rows + 1;
+    std::int64_t const blocks = per_slice * box.dims().z, threads = std::max(1, execution.threads);
+    constexpr std::int64_t each = sizeof(PartialStatistics) + 64, printed = 2048, least = std::int64_t{4} << 20;
+    std::int64_t const room = std::max(static_cast<std::int64_t>(execution.memory), least) / 2;
+    std::int64_t together = std::min(blocks, 2 * threads);
+    // Slices across x: every block has all of them, one that is being summed twice.
+    auto const held_by_x = [&] { return region_.dims().x * (together + std::min(threads, together)); };
+    auto const has_room = [&](std::int64_t groups, std::int64_t in_blocks) {
+        return groups * (each + printed) + in_blocks * each <= room;
+    };
+    auto const check_room = [&](std::int64_t groups, std::int64_t in_blocks) {
+        if (!has_room(groups, in_blocks))
+            throw Error(ErrorKind::resources,
+                        text(groups, by == GroupedBy::label ? " labels" : " rows of statistics",
+                             " are more than --memory has room for"),
+                        "raise --memory");
+    };
+    if (by == GroupedBy::x) {
+        while (together > 1 && !has_room(region_.dims().x, held_by_x())) --together;
+        check_room(region_.dims().x, held_by_x());
+    }
+    std::vector<std::map<std::int64_t, PartialStatistics>> found(static_cast<std::size_t>(together));
+    for (std::int64_t first = 0; first < blocks; first += together) {
+        std::int64_t const n = std::min(together, blocks - first);
+        std::exception_ptr failure;
+        with_type(slab.type, [&]<class T>(T) {
+#pragma omp parallel for num_threads(execution.threads) schedule(dynamic) if (n > 1)
+            for (std::int64_t i = 0; i < n; ++i) {
+                Box block = box;
+                block.lower.y += (first + i) % per_slice * rows;
+                block.lower.z += (first + i) / per_slice;
+                block.upper = {box.upper.x, std::min(block.lower.y + rows, box.upper.y), block.lower.z + 1};
+                try {
+                    found[static_cast<std::size_t>(i)] = block_groups<T>(in, block, by, input_.values);
+                } catch (...) { // there is no memory left
+#pragma omp critical
+                    failure = std::current_exception();
+                }
+            }
+        });
+        if (failure) std::rethrow_exception(failure);
+        std::int64_t held = 0;
+        for (auto& block : found) {
+            held += std::ssize(block);
+            for (auto const& [key, part] : block) result_.groups[key].append(part, input_.dtype);
+            block.clear(); // or they were held beside those of the next blocks
+        }
+        check_room(std::ssize(result_.groups), held);
+    }
+}
+
+} // namespace vkt

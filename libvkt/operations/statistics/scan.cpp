@@ -1,0 +1,110 @@
+// Scan, host side: which type holds the sums.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/statistics/scan.h"
+
+#include "libvkt/amr/tree.h"
+#include "libvkt/operations/common/remarks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt {
+
+VKT_OPERATION(Scan, "scan")
+
+Texts Scan::texts() const {
+    return {"Sum up everything before each voxel (summed-volume table).",
+            "Each voxel becomes the sum of the box from the first voxel to itself: of integers exact, in 64 bits, of "
+            "floats in float64. With it the sum of any box takes eight voxels, whatever its size."
+            "\n\n"
+            "Accuracy: Sums of integers are exact, or the end of the type and counted; of floats with X, Y, Z voxels "
+            "along the axes within (X + Y + Z) 2^-53 of the sum of the magnitudes.",
+            {{"A table of sums", "vkt scan volume.nrrd -o table.nrrd"},
+             {"Of what lies strictly before, along each axis", "vkt scan volume.nrrd --exclusive | vkt stats"}}};
+}
+
+void Scan::parameters(Parameters& parameters) {
+    parameters.flag("exclusive", exclusive,
+                    "sum what lies before the voxel along each axis: 0 in the first row, column and slice");
+}
+
+ScanState Scan::state_for(Header const& in) const {
+    ScanState state;
+    state.exclusive = exclusive;
+    state.dims = in.dims;
+    if (is_integer(in.dtype) && in.values.intercept == 0) {
+        double const voxels = volume_of(in.dims), largest = std::max(highest_of(in.dtype), -lowest_of(in.dtype));
+        bool const all_fit = size_of(in.dtype) < 8 && voxels * largest < (is_signed(in.dtype) ? 0x1p63 : 0x1p64);
+        state.sums = all_fit ? ScanSums::whole : ScanSums::wide;
+    } else {
+        bool const pairs = in.dtype == DataType::float64 || !(in.values == ValueMap{});
+        state.sums = pairs ? ScanSums::pairs : ScanSums::real;
+        state.map = in.values;
+    }
+    return state;
+}
+
+Plan Scan::plan(std::span<Header const> inputs) const {
+    Header const& in = inputs[0];
+    ScanState const state = state_for(in);
+    Plan plan;
+    plan.output = in;
+    plan.output.attributes.erase("background");
+    plan.carries = true;
+    plan.cost = 4;
+    plan.slab_hint = 16; // threads follow one another a slice behind
+    Index3 const n = in.dims;
+    double const voxels = volume_of(n);
+    if (state.sums == ScanSums::whole || state.sums == ScanSums::wide) {
+        plan.output.dtype = is_signed(in.dtype) ? DataType::int64 : DataType::uint64;
+        plan.method = state.sums == ScanSums::whole ? "sums in 64 bits" : "sums in 128 bits, saturated to 64";
+    } else {
+        bool const pairs = state.sums == ScanSums::pairs;
+        plan.output.dtype = DataType::float64;
+        plan.output.values = {};
+        plan.method = pairs ? "sums in float64, compensated" : "sums in float64";
+        auto const steps = static_cast<double>(n.x + n.y + n.z);
+        // Each of so many additions is off by 2^-53 of a sum that is at most that of all magnitudes; what compensated
+        // ones lose is known to as much of itself, and the result rounds once. Mapping a value rounds twice.
+        double const mapping = in.values == ValueMap{} ? 0 : 0x1p-52, each = steps * 0x1.01p-53;
+        plan.error.kind = ErrorBound::Kind::bound;
+        plan.error.magnitude = voxels * (pairs ? 0x1p-53 + each * each + mapping : each);
+        plan.error.absolute = voxels * mapping * std::abs(in.values.intercept);
+        plan.error.limit(in.dtype, in.values.slope, std::nullopt);
+    }
+    plan.passing = ErrorPassing::summed(voxels, values_of(in));
+    if (is_integer(plan.output.dtype)) plan.passing.storing = ErrorPassing::Storing::whole;
+    plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state.bytes_each();
+    return plan;
+}
+
+void Scan::begin(std::span<Header const> inputs, Plan const&) {
+    losses_ = {};
+    state_ = state_for(inputs[0]);
+}
+
+std::size_t Scan::fit(Index3 largest, Execution const& execution) {
+    // Of few slices all sums along x; of more, a few rows for each thread and what it hands to the next one.
+    std::int64_t const threads = std::max(1, execution.threads);
+    std::int64_t const rows = std::min(largest.z, 2 * threads) * largest.y + threads * (largest.z + 8);
+    return static_cast<std::size_t>(largest.x * rows) * state_.bytes_each();
+}
+
+void Scan::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    scan_slab(state_, inputs[0], out, losses_, execution);
+}
+
+std::vector<Remark> Scan::remarks() const {
+    std::vector<Remark> result;
+    std::int64_t const voxels = state_.dims.x * state_.dims.y * state_.dims.z;
+    if (losses_.clipped > 0)
+        result.push_back(
+            {text(share_text(losses_.clipped, voxels), ": sums beyond 64 bits, stored as their nearest end"), true});
+    if (losses_.undefined > 0)
+        result.push_back({text(share_text(losses_.undefined, voxels),
+                               ": sums that are not finite, from the first value on that is not"),
+                          false});
+    return result;
+}
+
+} // namespace vkt

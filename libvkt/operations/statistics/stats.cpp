@@ -1,0 +1,215 @@
+// Stats: which volumes, which rows, which parts.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/statistics/stats.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/io/whole_text.h"
+
+#include <map>
+
+namespace vkt {
+namespace {
+
+/// What the rows' keys are; empty of a volume's only row.
+char const* key_name(GroupedBy by) {
+    switch (by) {
+    case GroupedBy::label:
+        return "label";
+    case GroupedBy::x:
+        return "x";
+    case GroupedBy::y:
+        return "y";
+    case GroupedBy::z:
+        return "z";
+    case GroupedBy::volume:
+        break;
+    }
+    return "";
+}
+
+constexpr std::size_t most_text = std::size_t{1} << 30; // of partial results
+
+Report named(std::string const& name) {
+    Report report;
+    if (!name.empty()) report.add("name", std::string_view(name));
+    return report;
+}
+
+} // namespace
+
+Texts Stats::texts() const {
+    return {"Count, extremes and where they are, sum, mean, variance, product of a volume.",
+            "One pass. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the "
+            "same bit for "
+            "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count "
+            "as values. "
+            "variance and stddev divide by the number of values. The product comes with the logarithm of its magnitude "
+            "and its sign, which are known where it is too large for a number. Hierarchical volumes: these count every "
+            "cell once; "
+            "weighted_mean and weighted_variance weight cells by their volume, weighted_sum is the integral over the "
+            "world volume that the last line states. Cells that hold the volume's background are not counted."
+            "\n\n"
+            "Accuracy: Counts, extremes and their places, and sums of integers of up to 32 bits, are exact; mean and "
+            "variance of other types to about 1e-15 of the largest magnitude and its square (estimate).",
+            {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
+             {"Of a part, for a program",
+              "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"},
+             {"Median and tails", "vkt stats volume.nrrd --percentiles 1,50,99"},
+             {"Of each component of what is bright", "vkt threshold volume.nrrd --otsu | vkt label -o labels.nrrd && "
+                                                     "vkt stats volume.nrrd --labels labels.nrrd"},
+             {"Parts, joined",
+              "vkt stats volume.nrrd --roi :,:,0:9 --mergeable > a.json && vkt stats volume.nrrd --roi :,:,9: "
+              "--mergeable > b.json && vkt stats --merge a.json b.json"}}};
+}
+
+void Stats::parameters(Parameters& p) {
+    p.positional("in", files, "inputs: files of any known format, a stream, or '-' (the default)").optional();
+    statistics_.parameters(p);
+    p.option("mask", mask, "FILE", "only voxels where this volume, of the same dims and place, is not 0");
+    p.option("labels", labels, "FILE", "a row for each label in this volume of integers, 0 among them");
+    p.option("per", axis, "AXIS", "a row for each slice across this axis: x, y or z");
+    p.flag("mergeable", mergeable, "print JSON that --merge takes").not_in_history();
+    p.option("merge", merged, "FILE...", "join what --mergeable printed, instead of reading volumes");
+}
+
+void Stats::check() const {
+    if (!labels.empty() && axis) throw Error(ErrorKind::usage, "--labels and --per both name the rows: give one");
+    if (statistics_.percentiles() && (grouped() || mergeable))
+        throw Error(ErrorKind::usage, "--percentiles are of whole volumes and regions, and cannot be joined",
+                    "vkt histogram --mergeable counts parts that add up");
+    if (!merged.empty() && (grouped() || !files.empty() || !statistics_.roi.empty() || statistics_.percentiles()))
+        throw Error(ErrorKind::usage, "--merge reads no volumes: --roi, --mask, --labels and --per were for the parts");
+    if ((!mask.empty() || !labels.empty()) && files.size() > 1)
+        throw Error(ErrorKind::usage, "--mask and --labels go with one input");
+}
+
+std::vector<std::string> Stats::input_names() const {
+    if (!merged.empty()) return {};
+    std::vector<std::string> names = files.empty() ? std::vector<std::string>{"-"} : files;
+    if (!mask.empty()) names.push_back(mask);
+    if (!labels.empty()) names.push_back(labels);
+    return names;
+}
+
+GroupedBy Stats::by() const {
+    if (!labels.empty()) return GroupedBy::label;
+    if (!axis) return GroupedBy::volume;
+    return *axis == Axis::x ? GroupedBy::x : *axis == Axis::y ? GroupedBy::y : GroupedBy::z;
+}
+
+namespace {
+
+/// The mask and the labels of each volume; those of a file that holds one go with all.
+class Beside {
+public:
+    explicit Beside(std::vector<std::unique_ptr<Source>> const& sources) : sources_(sources) {}
+    void next() {
+        if (sources_.empty()) return;
+        for (auto const& source : sources_) {
+            bool& one = one_[source.get()];
+            if (!one && source->next_volume()) continue;
+            one = one || volumes_ == 1;
+            if (!one || !source->rewind() || !source->next_volume())
+                throw Error(ErrorKind::data, "the mask or the labels hold fewer volumes than the input",
+                            "a single volume is used with each of a series if it is a file");
+        }
+        ++volumes_;
+    }
+    void end() {
+        for (auto const& source : sources_)
+            if (!one_[source.get()] && source->next_volume())
+                throw Error(ErrorKind::data, "the mask or the labels hold more volumes than the input");
+    }
+
+private:
+    std::vector<std::unique_ptr<Source>> const& sources_;
+    std::map<Source const*, bool> one_; ///< found to hold one volume
+    std::size_t volumes_ = 0;           ///< so far
+};
+
+} // namespace
+
+void Stats::measure(Measurement& to) {
+    if (!merged.empty()) return to.report(report_of("", sum_of_parts(), to.form));
+    std::size_t const volumes = files.empty() ? 1 : files.size();
+    std::vector<std::unique_ptr<Source>> beside;
+    for (std::size_t i = volumes; i < to.inputs.size(); ++i) beside.push_back(std::move(to.inputs[i]));
+    for (std::size_t i = 0; i < volumes; ++i) {
+        Source& source = *to.inputs[i];
+        Beside others(beside);
+        while (source.next_volume()) {
+            others.next();
+            bool const planned = source.header().dry_run;
+            Report report = measured(source, beside, volumes > 1 ? files[i] : "", to);
+            if (!planned) to.report(std::move(report));
+        }
+        others.end();
+    }
+}
+
+Report Stats::measured(Source& source, std::vector<std::unique_ptr<Source>> const& beside, std::string const& name,
+                       Measurement const& to) {
+    if (!grouped()) {
+        if (mergeable && source.header().kind != Kind::structured)
+            throw Error(ErrorKind::usage, "--mergeable: statistics of hierarchical volumes cannot be joined");
+        reduce(source, statistics_, to.execution, to.info);
+        if (source.header().dry_run) return {};
+        Report report = named(name);
+        report_into(report, statistics_.result());
+        if (mergeable) {
+            GroupedResult all;
+            all.type = source.header().dtype;
+            all.values = source.header().values;
+            all.groups[0] = statistics_.partial();
+            report.write_as(ReportForm::json, to_json(all));
+        }
+        return report;
+    }
+    GroupedStatistics groups;
+    groups.roi = statistics_.roi;
+    groups.by = by();
+    if (!mask.empty()) groups.mask = beside.front().get();
+    if (!labels.empty()) groups.labels = beside.back().get();
+    reduce(source, groups, to.execution, to.info);
+    for (auto const& other : beside) other->finish();
+    return report_of(name, groups.result(), to.form);
+}
+
+Report Stats::report_of(std::string const& name, GroupedResult const& result, ReportForm form) const {
+    Report report = named(name);
+    std::vector<Report> rows;
+    for (auto const& [key, partial] : result.groups) {
+        StatisticsResult const of_row = result_of(partial, result.type, result.values);
+        if (result.by == GroupedBy::volume) {
+            report_into(report, of_row);
+            continue;
+        }
+        rows.emplace_back().add_number(key_name(result.by), result.key_text(key));
+        report_into(rows.back(), of_row);
+    }
+    if (result.by != GroupedBy::volume) {
+        if (form == ReportForm::text)
+            report.write_as(ReportForm::text, rows.empty() ? "no voxels\n" : Report::table(rows));
+        report.add(result.by == GroupedBy::label ? "labels" : "slices", std::move(rows));
+    }
+    if (mergeable) report.write_as(ReportForm::json, to_json(result));
+    return report;
+}
+
+GroupedResult Stats::sum_of_parts() const {
+    std::optional<GroupedResult> sum;
+    for (std::string const& file : merged) {
+        GroupedResult part = grouped_from_json(whole_text(file, most_text), file);
+        if (sum)
+            sum->add(part);
+        else
+            sum = std::move(part);
+    }
+    return *sum;
+}
+
+VKT_OPERATION(Stats, "stats")
+
+} // namespace vkt
