@@ -3,12 +3,12 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/picture_texts.h"
 #include "libvkt/io/output_file.h"
+#include "shell/chart/trade_off.h"
+#include "shell/chart/trade_off_report.h"
 #include "shell/command.h"
-#include "shell/plot.h"
+#include "shell/picture/plot.h"
 #include "shell/short_number.h"
 #include "shell/terminal.h"
-#include "shell/trade_off.h"
-#include "shell/trade_off_report.h"
 
 #include <memory>
 #include <string>

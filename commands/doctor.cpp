@@ -3,9 +3,9 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/report.h"
-#include "shell/calibration.h"
 #include "shell/command.h"
-#include "shell/inventory.h"
+#include "shell/machine/calibration.h"
+#include "shell/machine/inventory.h"
 
 #include <algorithm>
 #include <cstdio>

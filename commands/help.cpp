@@ -3,7 +3,7 @@
 #include "shell/help.h"
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
-#include "shell/run.h"
+#include "shell/run/run.h"
 #include "shell/terminal.h"
 
 #include <algorithm>

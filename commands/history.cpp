@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "shell/command.h"
-#include "shell/history_text.h"
+#include "shell/run/history_text.h"
 
 #include <memory>
 #include <optional>

@@ -5,7 +5,7 @@
 #include "libvkt/operations/statistics/compare_pictures.h"
 #include "libvkt/render/combine.h"
 #include "shell/command.h"
-#include "shell/pictures.h"
+#include "shell/picture/pictures.h"
 
 namespace vkt::shell {
 namespace {

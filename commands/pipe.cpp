@@ -1,11 +1,11 @@
 // vkt pipe: a whole pipeline in one process.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
-#include "shell/budget.h"
 #include "shell/log.h"
 #include "shell/options.h"
-#include "shell/run.h"
-#include "shell/stage_error.h"
+#include "shell/run/budget.h"
+#include "shell/run/run.h"
+#include "shell/run/stage_error.h"
 
 #include <algorithm>
 

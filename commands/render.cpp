@@ -5,11 +5,11 @@
 #include "libvkt/render/annotate.h"
 #include "libvkt/render/font.h"
 #include "libvkt/render/settings.h"
+#include "shell/chart/tunable_picture.h"
 #include "shell/command.h"
-#include "shell/pictures.h"
-#include "shell/tunable_picture.h"
+#include "shell/picture/pictures.h"
+#include "shell/picture/watching.h"
 #include "shell/viewer/scene_of_input.h"
-#include "shell/watching.h"
 
 #include "libvkt/core/text.h"
 

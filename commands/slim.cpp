@@ -1,6 +1,6 @@
 // vkt slim: no more of a volume than a picture or a result needs.
 // SPDX-License-Identifier: MIT
-#include "shell/slim.h"
+#include "shell/chart/slim.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/history.h"

@@ -1,6 +1,6 @@
 // vkt stress: a pipeline on volumes that are made to break it.
 // SPDX-License-Identifier: MIT
-#include "shell/stress.h"
+#include "shell/stress/stress.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -8,8 +8,8 @@
 #include "libvkt/core/text.h"
 #include "libvkt/io/output_file.h"
 #include "shell/command.h"
-#include "shell/damage.h"
-#include "shell/hard_volumes.h"
+#include "shell/stress/damage.h"
+#include "shell/stress/hard_volumes.h"
 #include "shell/terminal.h"
 
 namespace vkt::shell {

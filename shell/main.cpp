@@ -4,7 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/io/temporaries.h"
 #include "shell/help.h"
-#include "shell/run.h"
+#include "shell/run/run.h"
 #include "shell/version.h"
 
 #include <csignal>

@@ -21,6 +21,11 @@ FLOORS = [
     ["libvkt/c"],
     ["ipc"],
     ["shell"],
+    ["shell/picture"],
+    ["shell/machine", "shell/viewer"],
+    ["shell/run"],
+    ["shell/main.cpp", "shell/chart"],
+    ["shell/stress"],
     ["commands"],
 ]
 ROOMS = {room: (floor, room) for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/scene_of_input.h"
 
-#include "shell/pictures.h"
+#include "shell/picture/pictures.h"
 #include "shell/viewer/arriving.h"
 #include "shell/viewer/viewer.h"
 

@@ -1,6 +1,6 @@
 // Measuring, keeping and using rates.
 // SPDX-License-Identifier: MIT
-#include "shell/calibration.h"
+#include "shell/machine/calibration.h"
 
 #include "ipc/frame.h"
 #include "libvkt/core/collect.h"

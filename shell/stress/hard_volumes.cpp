@@ -1,6 +1,6 @@
 // Hard volumes: a function of position for each content, stored in each type.
 // SPDX-License-Identifier: MIT
-#include "shell/hard_volumes.h"
+#include "shell/stress/hard_volumes.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"

@@ -1,6 +1,6 @@
 // A runner: inputs, stages, and who consumes them.
 // SPDX-License-Identifier: MIT
-#include "shell/runner.h"
+#include "shell/run/runner.h"
 
 #include "ipc/descriptor.h"
 #include "ipc/input.h"
@@ -15,17 +15,17 @@
 #include "libvkt/formats/stream_reader.h"
 #include "libvkt/io/output_file.h"
 #include "libvkt/operations/common/reference_volume.h"
-#include "shell/budget.h"
-#include "shell/calibration.h"
+#include "shell/machine/calibration.h"
 #include "shell/named_files.h"
-#include "shell/pictures.h"
-#include "shell/plan_text.h"
-#include "shell/relabelled.h"
-#include "shell/run.h"
+#include "shell/picture/pictures.h"
+#include "shell/run/budget.h"
+#include "shell/run/plan_text.h"
+#include "shell/run/relabelled.h"
+#include "shell/run/run.h"
+#include "shell/run/stage_error.h"
+#include "shell/run/timing.h"
 #include "shell/short_number.h"
-#include "shell/stage_error.h"
 #include "shell/terminal.h"
-#include "shell/timing.h"
 
 #include <algorithm>
 #include <filesystem>

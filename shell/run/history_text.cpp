@@ -1,6 +1,6 @@
 // What made a volume, as text.
 // SPDX-License-Identifier: MIT
-#include "shell/history_text.h"
+#include "shell/run/history_text.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/report.h"

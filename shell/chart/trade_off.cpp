@@ -1,6 +1,6 @@
 // Settings of knobs: listed, run on a part of the volume in memory, timed, and compared with a float64 reference.
 // SPDX-License-Identifier: MIT
-#include "shell/trade_off.h"
+#include "shell/chart/trade_off.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -8,8 +8,8 @@
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/statistics/difference.h"
 #include "libvkt/operations/voxels/crop.h"
-#include "shell/calibration.h"
-#include "shell/chain.h"
+#include "shell/chart/chain.h"
+#include "shell/machine/calibration.h"
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 // Timing tables.
 // SPDX-License-Identifier: MIT
-#include "shell/timing.h"
+#include "shell/run/timing.h"
 
 #include "libvkt/core/text.h"
 

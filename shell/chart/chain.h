@@ -4,9 +4,9 @@
 
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/tunable.h"
-#include "shell/calibration.h"
 #include "shell/invocation.h"
-#include "shell/picturing.h"
+#include "shell/machine/calibration.h"
+#include "shell/picture/picturing.h"
 
 #include <deque>
 #include <memory>

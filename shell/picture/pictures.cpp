@@ -1,6 +1,6 @@
 // Volumes made ready for drawing; pictures with their metadata.
 // SPDX-License-Identifier: MIT
-#include "shell/pictures.h"
+#include "shell/picture/pictures.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"

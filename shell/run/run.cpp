@@ -1,13 +1,13 @@
 // From parsed stages to voxels that move.
 // SPDX-License-Identifier: MIT
-#include "shell/run.h"
+#include "shell/run/run.h"
 
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/io/system_error.h"
 #include "shell/help.h"
-#include "shell/runner.h"
+#include "shell/run/runner.h"
 #include "shell/terminal.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // Budgets of pipelines: stages are planned again and again, and nothing is read but the first header.
 // SPDX-License-Identifier: MIT
-#include "shell/budget.h"
+#include "shell/run/budget.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -10,7 +10,7 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/stack.h"
 #include "shell/command.h"
-#include "shell/stage_error.h"
+#include "shell/run/stage_error.h"
 
 #include <cmath>
 

@@ -1,16 +1,16 @@
 // Trials: the plain run first, then the same with other slabs, threads, transports and budgets, damage and full disks.
 // SPDX-License-Identifier: MIT
-#include "shell/stress.h"
+#include "shell/stress/stress.h"
 
 #include "ipc/stream.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/verifiable.h"
-#include "shell/chain.h"
-#include "shell/damage.h"
-#include "shell/hard_volumes.h"
-#include "shell/trial.h"
+#include "shell/chart/chain.h"
+#include "shell/stress/damage.h"
+#include "shell/stress/hard_volumes.h"
+#include "shell/stress/trial.h"
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 // Light to levels, and back for FLIP.
 // SPDX-License-Identifier: MIT
-#include "shell/picture_levels.h"
+#include "shell/picture/picture_levels.h"
 
 #include "libvkt/render/colormap.h"
 #include "libvkt/render/flip.h"

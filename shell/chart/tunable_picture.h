@@ -4,7 +4,7 @@
 
 #include "libvkt/engine/tunable.h"
 #include "libvkt/render/settings.h"
-#include "shell/picturing.h"
+#include "shell/picture/picturing.h"
 
 #include <string>
 #include <vector>

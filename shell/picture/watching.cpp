@@ -1,6 +1,6 @@
 // A picture that is being drawn: the signal's handler, and the line of progress.
 // SPDX-License-Identifier: MIT
-#include "shell/watching.h"
+#include "shell/picture/watching.h"
 
 #include "libvkt/core/text.h"
 

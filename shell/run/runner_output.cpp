@@ -1,6 +1,6 @@
 // A runner: where the result goes, and what is told about it.
 // SPDX-License-Identifier: MIT
-#include "shell/runner.h"
+#include "shell/run/runner.h"
 
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
@@ -9,9 +9,9 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/io/shared_memory.h"
-#include "shell/stage_error.h"
+#include "shell/run/stage_error.h"
+#include "shell/run/timing.h"
 #include "shell/terminal.h"
-#include "shell/timing.h"
 #include "shell/viewer/viewer.h"
 
 #include <algorithm>

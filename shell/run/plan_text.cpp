@@ -1,6 +1,6 @@
 // Plans as text.
 // SPDX-License-Identifier: MIT
-#include "shell/plan_text.h"
+#include "shell/run/plan_text.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"

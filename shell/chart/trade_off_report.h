@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "shell/plot.h"
-#include "shell/trade_off.h"
+#include "shell/chart/trade_off.h"
+#include "shell/picture/plot.h"
 
 #include <cstdint>
 #include <optional>

@@ -1,6 +1,6 @@
 // What a measured trade-off of time and error looks like.
 // SPDX-License-Identifier: MIT
-#include "shell/trade_off_report.h"
+#include "shell/chart/trade_off_report.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/parameters.h"

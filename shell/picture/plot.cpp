@@ -1,6 +1,6 @@
 // Plots: a script for gnuplot, which reads it from memory and writes to memory.
 // SPDX-License-Identifier: MIT
-#include "shell/plot.h"
+#include "shell/picture/plot.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

@@ -1,11 +1,11 @@
 // What consumers see of a stage.
 // SPDX-License-Identifier: MIT
-#include "shell/runner.h"
+#include "shell/run/runner.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/io/output_file.h"
-#include "shell/plan_text.h"
+#include "shell/run/plan_text.h"
 
 #include <utility>
 

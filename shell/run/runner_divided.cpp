@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/divided.h"
 #include "shell/named_files.h"
-#include "shell/runner.h"
-#include "shell/stage_error.h"
+#include "shell/run/runner.h"
+#include "shell/run/stage_error.h"
 
 #include <algorithm>
 #include <filesystem>

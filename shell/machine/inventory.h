@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "shell/calibration.h"
+#include "shell/machine/calibration.h"
 
 #include <string>
 #include <vector>

@@ -1,6 +1,6 @@
 // Candidates are made by operations in memory, run through the pipeline, and compared with what the volume itself
 // makes. SPDX-License-Identifier: MIT
-#include "shell/slim.h"
+#include "shell/chart/slim.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -8,8 +8,8 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/operations/statistics/difference.h"
-#include "shell/chain.h"
-#include "shell/picture_levels.h"
+#include "shell/chart/chain.h"
+#include "shell/picture/picture_levels.h"
 #include "shell/short_number.h"
 
 #include <algorithm>

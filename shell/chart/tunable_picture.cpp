@@ -1,10 +1,10 @@
 // Pictures as vkt chart varies them.
 // SPDX-License-Identifier: MIT
-#include "shell/tunable_picture.h"
+#include "shell/chart/tunable_picture.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "shell/picture_levels.h"
+#include "shell/picture/picture_levels.h"
 
 #include <algorithm>
 #include <cmath>

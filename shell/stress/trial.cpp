@@ -1,6 +1,6 @@
 // Lines run by bash in process groups of their own.
 // SPDX-License-Identifier: MIT
-#include "shell/trial.h"
+#include "shell/stress/trial.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

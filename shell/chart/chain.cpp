@@ -1,6 +1,6 @@
 // Pipelines in memory: parsed like those of vkt pipe, attached to a volume, and asked for their error bounds.
 // SPDX-License-Identifier: MIT
-#include "shell/chain.h"
+#include "shell/chart/chain.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"

@@ -3,10 +3,10 @@
 #pragma once
 
 #include "ipc/stream.h"
-#include "shell/calibration.h"
 #include "shell/invocation.h"
 #include "shell/log.h"
-#include "shell/timing.h"
+#include "shell/machine/calibration.h"
+#include "shell/run/timing.h"
 
 #include <deque>
 #include <functional>

@@ -1,6 +1,6 @@
 // What this build and this machine can do, and how fast.
 // SPDX-License-Identifier: MIT
-#include "shell/inventory.h"
+#include "shell/machine/inventory.h"
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/cgroup.h"
@@ -10,7 +10,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/io/module.h"
-#include "shell/plot.h"
+#include "shell/picture/plot.h"
 #include "shell/short_number.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // Damage: of bytes, of the order of frames, and of what the header says.
 // SPDX-License-Identifier: MIT
-#include "shell/damage.h"
+#include "shell/stress/damage.h"
 
 #include "ipc/frame.h"
 #include "ipc/stream.h"
