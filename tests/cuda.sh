@@ -37,12 +37,13 @@ done >build/cuda/sources
 newest=$(find libvkt tests/gpu -name '*.h' -newer build/cuda/stamp 2>/dev/null | head -n 1 || true)
 if [ ! -e build/cuda/stamp ] || [ -n "$newest" ]; then rm -f build/cuda/*.o; fi
 touch build/cuda/stamp
-export nvcc flags
+launcher=$(command -v ccache || true) # of the same text, the same object
+export nvcc flags launcher
 # shellcheck disable=SC2016  # expanded by the inner shell
 xargs -P "$(nproc)" -n 1 sh -c '
     object=build/cuda/$(echo "$2" | tr / _).o
     [ "$object" -nt "$2" ] && { echo "pass $2" >>"$1"; exit 0; }
-    if "$nvcc" $flags -x cu -c "$2" -o "$object" >"$object.log" 2>&1; then
+    if $launcher "$nvcc" $flags -x cu -c "$2" -o "$object" >"$object.log" 2>&1; then
         echo "pass $2" >>"$1"
     else
         grep -A5 error "$object.log" | head -n 40
