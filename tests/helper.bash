@@ -58,3 +58,11 @@ with_peer() {
     /usr/bin/python3 -c "import $1" 2>/dev/null ||
         skip "python3 has no $1: pip install --target $VKT_BUILD/peers $1"
 }
+
+# peak_kib COMMAND…: its largest resident set in KiB.
+peak_kib() {
+    /usr/bin/python3 -c '
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)' "$@"
+}

@@ -6,13 +6,7 @@ setup_more() {
     export OMP_WAIT_POLICY=passive
 }
 
-# peak_kib COMMAND…: its largest resident set in KiB; peak: in MiB.
-peak_kib() {
-    /usr/bin/python3 -c '
-import resource, subprocess, sys
-subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)' "$@"
-}
+# peak COMMAND…: as peak_kib, in MiB.
 peak() { echo $(($(peak_kib "$@") / 1024)); }
 
 @test "eight times the volume takes no more memory" {

@@ -81,6 +81,7 @@ BilateralRule BilateralFilter::rule_for(Header const& in, Index3 cell_width) con
         rule.sigma[axis] = sigma;
         rule.radius[axis] = sigma > 0 ? radius_ ? radius_->voxels[axis] : static_cast<std::int64_t>(reach) : 0;
     }
+    rule.radius = without_copies(in, rule.radius); // their weights would be the same
     return rule;
 }
 

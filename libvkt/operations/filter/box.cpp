@@ -55,7 +55,7 @@ void BoxMean::check() const {
 
 void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
     require_border_voxel(in);
-    Index3 const radius = radius_.voxels;
+    Index3 const radius = without_copies(in, radius_.voxels);
     DataType const type = in.dtype;
     plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
     if (radius == Index3{}) {
@@ -65,7 +65,7 @@ void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) cons
         plan.cost = 0;
         return;
     }
-    Index3 const edges = radius_.edges();
+    Index3 const edges = Radius{radius}.edges();
     plan.method = text("windows of sums, ", edges.x, "x", edges.y, "x", edges.z,
                        box_sum_bytes(type, radius) == 4 ? ", int32" : ", float64");
     plan.cost = 2 * std::log2(static_cast<double>(edges.x)) + 8;
@@ -79,7 +79,7 @@ void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) cons
 }
 
 void BoxMean::prepare(Header const& in, Index3 /*cell_width*/) {
-    reach_ = radius_.voxels;
+    reach_ = without_copies(in, radius_.voxels);
     type_ = in.dtype;
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/travelled.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -31,6 +32,12 @@ double total_of(AxisTaps const& taps) {
     if (taps.kind == AxisTaps::Kind::even)
         for (std::size_t k = 0; k < taps.taps.size(); ++k) sum += (k == 0 ? 1 : 2) * taps.taps[k];
     return sum;
+}
+
+/// What the taps make of copies of one value: that, times a number.
+AxisTaps of_copies(AxisTaps const& taps) {
+    if (taps.kind == AxisTaps::Kind::average) return {AxisTaps::Kind::average, {1}};
+    return {AxisTaps::Kind::even, {total_of(taps)}};
 }
 
 AxisTaps const& of(std::vector<AxisTaps> const& all, int index) { return all[static_cast<std::size_t>(index)]; }
@@ -119,8 +126,31 @@ void LinearFilter::set_type(Header const& in, Header& output) const {
     output.values = {};
 }
 
-LinearFilter::Weights LinearFilter::stored_weights(Header const& in, Index3 cell_width) const {
+LinearFilter::Weights LinearFilter::weights_on(Header const& in, Index3 cell_width) const {
     Weights result = weights(in, cell_width);
+    bool const flat = is_flat(in, 0) || is_flat(in, 1) || is_flat(in, 2);
+    if (result.by_fft || !flat) return result;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (!is_flat(in, axis)) continue;
+        for (AxisTaps& taps : axis == 0 ? result.sum.x : axis == 1 ? result.sum.y : result.sum.z)
+            taps = of_copies(taps);
+        result.dense.radius[axis] = 0;
+        for (Tap& tap : result.dense.taps) tap.at[axis] = 0;
+    }
+    std::vector<Tap> merged;
+    for (Tap const& tap : result.dense.taps) {
+        auto const same = std::find_if(merged.begin(), merged.end(), [&](Tap const& m) { return m.at == tap.at; });
+        if (same == merged.end())
+            merged.push_back(tap);
+        else
+            same->weight += tap.weight;
+    }
+    result.dense.taps = std::move(merged);
+    return result;
+}
+
+LinearFilter::Weights LinearFilter::stored_weights(Header const& in, Index3 cell_width) const {
+    Weights result = weights_on(in, cell_width);
     result.sum.wide = result.dense.wide = is_wide(in.dtype);
     if (keeps_type_) return result;
     // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
@@ -135,7 +165,7 @@ LinearFilter::Weights LinearFilter::stored_weights(Header const& in, Index3 cell
 void LinearFilter::describe(Header const& in, Index3 cell_width, Plan& plan) const {
     set_type(in, plan.output);
     require_border_voxel(in);
-    Weights const filter = weights(in, cell_width);
+    Weights const filter = weights_on(in, cell_width);
     SeparableSum const& sum = filter.sum;
     bool const separable = !sum.terms.empty(), wide = is_wide(in.dtype);
     Weight const weight = separable ? weight_of(sum) : weight_of(filter.dense);

@@ -42,6 +42,8 @@ protected:
 
 private:
     static bool is_wide(DataType type);
+    /// Those of weights(), with the taps along axes that are flat taken together.
+    Weights weights_on(Header const& in, Index3 cell_width) const;
     /// Those for stored values.
     Weights stored_weights(Header const& in, Index3 cell_width) const;
     void set_type(Header const& in, Header& output) const;

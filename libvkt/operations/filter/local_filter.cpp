@@ -92,6 +92,16 @@ void LocalFilter::outside(ConstView in, AnyView out, Execution const& execution)
         convert_values(in, out, losses_, execution);
 }
 
+bool LocalFilter::is_flat(Header const& in, int axis) const {
+    return in.dims[axis] == 1 && boundary_.boundary != Boundary::border;
+}
+
+Index3 LocalFilter::without_copies(Header const& in, Index3 radius) const {
+    for (int axis = 0; axis < 3; ++axis)
+        if (is_flat(in, axis)) radius[axis] = 0;
+    return radius;
+}
+
 void LocalFilter::require_border_voxel(Header const& in) const {
     if (boundary_.boundary != Boundary::border) return;
     double const stored = in.values.stored(boundary_.value);

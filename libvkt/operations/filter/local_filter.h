@@ -60,6 +60,10 @@ protected:
     void require_border_voxel(Header const& in) const;
 
     bool has_region() const { return !region_.empty(); }
+    /// Whether all voxels along an axis are the same one: there is one, and the boundary rule makes copies of it.
+    bool is_flat(Header const& in, int axis) const;
+    /// A radius without the axes that are flat, for filters that copies of their window change nothing about.
+    Index3 without_copies(Header const& in, Index3 radius) const;
 
     Index3 reach_; ///< voxels that results depend on, to either side
     BoundaryRule boundary_;

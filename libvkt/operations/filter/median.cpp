@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t most_radius = 64;
 
-bool has_network(Index3 r) { return r == Index3{1, 1, 1} || r == Index3{2, 2, 2}; }
+bool has_network(Index3 r) { return r.x == r.y && (r.x == 1 || r.x == 2) && (r.z == r.x || r.z == 0); }
 
 } // namespace
 
@@ -40,7 +40,7 @@ void Median::check() const {
 }
 
 void Median::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
-    Index3 const radius = radius_.voxels, edges = radius_.edges();
+    Index3 const radius = window(in), edges = Radius{radius}.edges();
     plan.passing = ErrorPassing::moved(values_read(in, plan)); // an order statistic
     if (radius == Index3{}) {
         plan.shift = Index3{};
@@ -50,13 +50,19 @@ void Median::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const
     }
     plan.method = has_network(radius) ? text("selection network, ", edges.x, "x", edges.y, "x", edges.z)
                                       : text("sliding histogram of ranks, ", edges.x, "x", edges.y, "x", edges.z);
-    plan.cost = radius == Index3{1, 1, 1}   ? 110
-                : radius == Index3{2, 2, 2} ? 1400
-                                            : 300 * static_cast<double>(edges.y * edges.z);
+    plan.cost = !has_network(radius) ? 300 * static_cast<double>(edges.y * edges.z)
+                : radius.z == 0      ? (radius.x == 1 ? 30 : 200)
+                : radius.x == 1      ? 110
+                                     : 1400;
     plan.slab_hint = std::max<std::int64_t>(8, 2 * radius.z);
 }
 
-void Median::prepare(Header const& /*in*/, Index3 /*cell_width*/) { reach_ = radius_.voxels; }
+void Median::prepare(Header const& in, Index3 /*cell_width*/) { reach_ = window(in); }
+
+Index3 Median::window(Header const& in) const {
+    Index3 const flat = without_copies(in, radius_.voxels); // as many copies of all voxels have the same median
+    return has_network(radius_.voxels) && !has_network(flat) && flat != Index3{} ? radius_.voxels : flat;
+}
 
 std::size_t Median::fit(Index3 largest, Execution const& execution) {
     if (has_network(reach_) || reach_ == Index3{}) return 0;

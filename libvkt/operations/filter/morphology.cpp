@@ -65,7 +65,7 @@ bool Morphology::twice() const {
 bool Morphology::subtracts() const { return op_ == MorphologyOp::gradient || op_ == MorphologyOp::tophat; }
 
 void Morphology::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) const {
-    Index3 const r = radius_.voxels;
+    Index3 const r = without_copies(in, radius_.voxels);
     if (subtracts()) plan.output.values = {std::abs(in.values.slope), 0};
     if (subtracts() && has_region() && !(plan.output.values == in.values))
         throw Error(ErrorKind::usage,
@@ -77,7 +77,7 @@ void Morphology::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) c
                             ? std::log2(n(r.x)) + 6
                             : std::numbers::pi / 4 * n(r.y) * n(r.z) + 2 * static_cast<double>(r.x);
     plan.cost = once * (twice() || op_ == MorphologyOp::gradient ? 2 : 1);
-    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * reach().z);
+    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * (twice() ? 2 * r.z : r.z));
     plan.method = shape_ == WindowShape::box ? text("windows, ", 2 * r.x + 1, "x", 2 * r.y + 1, "x", 2 * r.z + 1)
                                              : text("chords of a ball, radius ", r.x, ",", r.y, ",", r.z);
     auto values = values_read(in, plan);
@@ -98,11 +98,12 @@ void Morphology::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) c
 void Morphology::prepare(Header const& in, Index3 /*cell_width*/) {
     type_ = in.dtype;
     reversed_ = in.values.slope < 0;
-    reach_ = reach();
+    window_ = without_copies(in, radius_.voxels);
+    reach_ = twice() ? window_ + window_ : window_;
 }
 
 std::size_t Morphology::fit(Index3 largest, Execution const& execution) {
-    Index3 const r = radius_.voxels, most = twice() ? grow(box_of(largest), r).dims() : largest;
+    Index3 const r = window_, most = twice() ? grow(box_of(largest), r).dims() : largest;
     std::size_t const size = size_of(type_), between = static_cast<std::size_t>(most.x * most.y * most.z) * size;
     std::size_t const windows = shape_ == WindowShape::box ? box_window_bytes(most, r, size, execution.threads)
                                                            : ball_window_bytes(r, size, execution.threads);
@@ -110,7 +111,7 @@ std::size_t Morphology::fit(Index3 largest, Execution const& execution) {
 }
 
 void Morphology::filter(ConstView in, AnyView out, Execution const& execution) {
-    Index3 const r = radius_.voxels;
+    Index3 const r = window_;
     auto const take = [&](ConstView from, AnyView to, bool least) {
         WindowExtreme const extreme = least != reversed_ ? WindowExtreme::least : WindowExtreme::greatest;
         if (shape_ == WindowShape::box)

@@ -47,11 +47,11 @@ protected:
 private:
     bool twice() const;
     bool subtracts() const;
-    Index3 reach() const { return twice() ? radius_.voxels + radius_.voxels : radius_.voxels; }
 
     MorphologyOp op_ = MorphologyOp::erode;
     Radius radius_;
     WindowShape shape_ = WindowShape::ball;
+    Index3 window_; ///< the radius of the volume that was begun
     DataType type_ = DataType::uint8;
     bool reversed_ = false; ///< a negative slope
     Buffer first_, second_;

@@ -1,5 +1,5 @@
-// The median of cubes of 3^3 and 5^3 voxels by selection networks, and which sizes have one; the same on all back ends.
-// SPDX-License-Identifier: MIT
+// The median of 3^3, 5^3, 3^2 and 5^2 voxels by selection networks, and which sizes have one; the same on all back
+// ends. SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/network.h"
@@ -7,12 +7,12 @@
 
 namespace vkt::VKT_BACKEND {
 
-/// (2 r + 1)^3: columns are sorted once, then the middle one of the sorted columns is selected.
-template <int r> struct MedianNetwork {
-    static constexpr int radius = r, edge = 2 * r + 1, columns = edge * edge;
+/// (2 r + 1)^2 (2 z + 1): columns are sorted once, then the middle one of the sorted columns is selected.
+template <int r, int z> struct MedianNetwork {
+    static constexpr int radius = r, edge = 2 * r + 1, columns = edge * (2 * z + 1);
 
     template <class W, class V> VKT_HD void column(W const& window, V* sorted) const {
-        unrolled<columns>([&](int k) { sorted[k] = window(0, k % edge - r, k / edge - r); });
+        unrolled<columns>([&](int k) { sorted[k] = window(0, k % edge - r, k / edge - z); });
         apply_network<SortingNetwork<columns>>(sorted);
     }
     template <class W> VKT_HD typename W::Value combine(W const& sorted) const {
@@ -31,9 +31,13 @@ void median_by_network(ConstView in, AnyView out, Index3 radius, Execution const
     Losses none;
     with_order_key(in.type, [&]<class K>(K key) {
         if (radius == Index3{1, 1, 1})
-            column_stencil<K>(execution, out, none, radius, MedianNetwork<1>{}, in);
+            column_stencil<K>(execution, out, none, radius, MedianNetwork<1, 1>{}, in);
         else if (radius == Index3{2, 2, 2})
-            column_stencil<K>(execution, out, none, radius, MedianNetwork<2>{}, in);
+            column_stencil<K>(execution, out, none, radius, MedianNetwork<2, 2>{}, in);
+        else if (radius == Index3{1, 1, 0})
+            column_stencil<K>(execution, out, none, radius, MedianNetwork<1, 0>{}, in);
+        else if (radius == Index3{2, 2, 0})
+            column_stencil<K>(execution, out, none, radius, MedianNetwork<2, 0>{}, in);
         else
             any(key);
     });
