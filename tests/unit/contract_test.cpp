@@ -24,15 +24,26 @@ namespace {
 using Words = std::vector<std::string>;
 
 /// A kernel that is no product, for `filter kernel`.
-std::string kernel_file() {
-    static std::string const path = [] {
-        std::string const name =
-            (std::filesystem::temp_directory_path() / text("vkt-contract-", static_cast<std::int64_t>(::getpid())))
-                .string();
-        std::ofstream(name) << "3 3 1  1 2 1  0 5 0  -1 0 -3\n";
-        return name;
-    }();
-    return path;
+class KernelFile {
+public:
+    KernelFile()
+        : path_((std::filesystem::temp_directory_path() / text("vkt-contract-", static_cast<std::int64_t>(::getpid())))
+                    .string()) {
+        std::ofstream(path_) << "3 3 1  1 2 1  0 5 0  -1 0 -3\n";
+    }
+    KernelFile(KernelFile const&) = delete;
+    KernelFile& operator=(KernelFile const&) = delete;
+    ~KernelFile() { std::filesystem::remove(path_); }
+    std::string const& path() const { return path_; }
+
+private:
+    std::string path_;
+};
+
+/// Lives as long as the tests run.
+std::string const& kernel_file() {
+    static KernelFile const file;
+    return file.path();
 }
 
 /// What each operation is asked for, several times over. Options that clip, drop or count are among them, so that what

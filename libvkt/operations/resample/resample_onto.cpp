@@ -366,9 +366,9 @@ std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
 /// the rest. Only with Boundary::wrap, and for splines, it may reach outside, where affine_sample() then expects it.
 Box Onto::sampled(Box const& output) const {
     Reach const reach = reach_of(sampling_.interpolant);
-    auto const beyond = static_cast<double>(sampling_.beyond);
     Box result;
     for (int b = 0; b < 3; ++b) {
+        auto const beyond = static_cast<double>(beyond_along(from_[b], sampling_.beyond, spline_.boundary));
         double low = placement_.map.offset[b], high = low;
         for (int a = 0; a < 3; ++a) {
             double const step = placement_.map.column[static_cast<std::size_t>(a)][b];
@@ -415,7 +415,7 @@ Box Onto::turned_footprint(Box const& output) const {
     Box const looked_at = sampled(output);
     if (spline_.prefilter.radius == 0 || looked_at.empty()) return looked_at;
     if (!preparation_) return spline_.source(looked_at, from_);
-    Index3 const margin{spline_.margin, spline_.margin, spline_.margin};
+    Index3 const margin = spline_.margins(from_);
     return {looked_at.lower + margin, looked_at.upper + margin};
 }
 
@@ -433,7 +433,8 @@ std::size_t Onto::held(Index3 largest) const {
         for (int a = 0; a < 3; ++a)
             extent += std::abs(placement_.map.column[static_cast<std::size_t>(a)][b]) * static_cast<double>(largest[a]);
         if (b < 2) extent += 2 * static_cast<double>(spline_.prefilter.radius);
-        bytes *= std::min(extent, static_cast<double>(from_[b] + 2 * sampling_.beyond));
+        bytes *= std::min(
+            extent, static_cast<double>(from_[b] + 2 * beyond_along(from_[b], sampling_.beyond, spline_.boundary)));
     }
     return static_cast<std::size_t>(bytes);
 }
@@ -446,7 +447,7 @@ void Onto::run_spline(ConstView in, AnyView out, Losses& losses, Execution const
         return affine_sample(in, out, anything, losses, outside_, execution);
     }
     if (preparation_) {
-        Index3 const margin{spline_.margin, spline_.margin, spline_.margin};
+        Index3 const margin = spline_.margins(from_);
         return affine_sample(in.moved_to(in.box.lower - margin), out, sampling_, losses, outside_, execution);
     }
     coefficients_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(spline_.type));

@@ -4,11 +4,17 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/resample/kernels/affine.h"
 #include "libvkt/operations/resample/kernels/bspline.h"
 
 #include <algorithm>
 
 namespace vkt {
+
+Index3 SplineRule::margins(Index3 dims) const {
+    return {beyond_along(dims.x, margin, boundary), beyond_along(dims.y, margin, boundary),
+            beyond_along(dims.z, margin, boundary)};
+}
 
 Box SplineRule::source(Box const& coefficients, Index3 dims) const {
     Box result;
@@ -59,7 +65,8 @@ Plan SplineCoefficients::plan(std::span<Header const> inputs) const {
     plan.output.dtype = rule_.type;
     plan.output.values = {};
     plan.output.part.reset();
-    for (int a = 0; a < 3; ++a) plan.output.dims[a] += 2 * rule_.margin;
+    Index3 const margins = rule_.margins(plan.output.dims);
+    plan.output.dims = plan.output.dims + margins + margins;
     plan.method = text("coefficients of a spline, radius ", rule_.prefilter.radius);
     plan.cost = 3 * static_cast<double>(rule_.prefilter.radius);
     plan.slab_hint = 4 * rule_.prefilter.radius;
@@ -70,15 +77,16 @@ Plan SplineCoefficients::plan(std::span<Header const> inputs) const {
 void SplineCoefficients::begin(std::span<Header const> inputs, Plan const&) { dims_ = inputs[0].dims; }
 
 Box SplineCoefficients::at_margin(Box const& output) const {
-    Index3 const margin{rule_.margin, rule_.margin, rule_.margin};
+    Index3 const margin = rule_.margins(dims_);
     return {output.lower - margin, output.upper - margin};
 }
 
 Box SplineCoefficients::footprint(Box const& output, int) const { return rule_.source(at_margin(output), dims_); }
 
 std::size_t SplineCoefficients::fit(Index3 largest, Execution const&) {
-    if (largest.y >= dims_.y + 2 * rule_.margin) return 0;
-    std::int64_t const rows = std::min(largest.y + 2 * rule_.prefilter.radius, dims_.y + 2 * rule_.margin);
+    std::int64_t const all = dims_.y + 2 * rule_.margins(dims_).y;
+    if (largest.y >= all) return 0;
+    std::int64_t const rows = std::min(largest.y + 2 * rule_.prefilter.radius, all);
     return static_cast<std::size_t>(largest.x * rows * largest.z) * size_of(rule_.type);
 }
 

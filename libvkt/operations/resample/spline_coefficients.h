@@ -17,12 +17,14 @@ struct SplineRule {
     double border = 0;       ///< stored value, for Boundary::border
     std::int64_t margin = 0; ///< voxels beyond the faces that have coefficients too
 
+    /// The margin of a volume of these extents: none along axes of one voxel that is continued as it is.
+    Index3 margins(Index3 dims) const;
     /// The voxels that coefficients in a box of a volume are made of; the box may reach outside.
     Box source(Box const& coefficients, Index3 dims) const;
 };
 
-/// The volume becomes one of coefficients, larger by the margin on all sides: voxel (0,0,0) is the coefficient at
-/// -margin along each axis. No operation that users name: see Prepared.
+/// The volume becomes one of coefficients, larger by the margins on all sides: voxel (0,0,0) is the coefficient at
+/// -margins. No operation that users name: see Prepared.
 class SplineCoefficients : public Operation {
 public:
     explicit SplineCoefficients(SplineRule rule);

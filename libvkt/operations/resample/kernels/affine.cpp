@@ -179,8 +179,9 @@ double sample_anywhere(ConstView const& in, PositionRow const& at, double x, Aff
         double const p = at.line(axis)(x), whole = std::floor(p);
         fraction[axis] = p - whole;
         std::int64_t const first = whole_of(whole) - before, dims = rule.dims[axis], lower = in.box.lower[axis];
+        std::int64_t const beyond = beyond_along(dims, rule.beyond, boundary);
         for (int i = 0; i < n; ++i) {
-            std::int64_t const index = continued ? std::clamp(first + i, -rule.beyond, dims - 1 + rule.beyond)
+            std::int64_t const index = continued ? std::clamp(first + i, -beyond, dims - 1 + beyond)
                                                  : place_of(first + i, dims, boundary, lower);
             border[axis][i] = !continued && boundary == Boundary::border && index < 0;
             place[axis][i] = (index - lower) * stride[axis];

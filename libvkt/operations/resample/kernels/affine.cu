@@ -101,7 +101,10 @@ __device__ __forceinline__ std::int64_t index_at(DeviceSampling const& s, double
     double const limit = 0x1p60; // positions may be anything that a header can say
     double const within = whole < -limit ? -limit : whole > limit ? limit : whole;
     std::int64_t const at = static_cast<std::int64_t>(within) + i;
-    if (s.continued) return at < -s.beyond ? -s.beyond : at > n - 1 + s.beyond ? n - 1 + s.beyond : at;
+    if (s.continued) {
+        std::int64_t const beyond = beyond_along(n, s.beyond, s.boundary);
+        return at < -beyond ? -beyond : at > n - 1 + beyond ? n - 1 + beyond : at;
+    }
     return s.boundary == Boundary::wrap ? lower + fold(at - lower, n, s.boundary) : fold(at, n, s.boundary);
 }
 

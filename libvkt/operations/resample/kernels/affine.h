@@ -43,7 +43,8 @@ struct AffineSampling {
     /// How the input continues outside. Without it the voxels at its faces do so for half a voxel, and voxels whose
     /// centres lie beyond become the background.
     std::optional<Boundary> boundary;
-    /// Splines: coefficients go on so far beyond the faces before they are constant, if the volume is there.
+    /// Splines: coefficients go on so far beyond the faces before they are constant, if the volume is there; see also
+    /// beyond_along().
     std::int64_t beyond = 0;
     double border = 0;            ///< stored value, for Boundary::border
     double background = 0;        ///< stored value of the result
@@ -51,6 +52,11 @@ struct AffineSampling {
     /// Linear, of types that float32 holds, without a scale or several samples: values are interpolated in float32.
     bool single = false;
 };
+
+/// So far coefficients go on beyond the faces of n voxels: not where there is one, and what continues it is the same.
+VKT_HD constexpr std::int64_t beyond_along(std::int64_t n, std::int64_t beyond, Boundary boundary) {
+    return n == 1 && boundary != Boundary::border ? 0 : beyond;
+}
 
 /// Half-open range [-1/2, n - 1/2) of positions that lie in a line of n cells. What rounding moves from one side of a
 /// face to the other is taken as lying on it, like a tie between two voxels.

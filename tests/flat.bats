@@ -1,4 +1,4 @@
-# Filters of images: a volume of one voxel along an axis is worked on as an image, not with the copies around it.
+# Images: a volume of one voxel along an axis is worked on as an image, not with the copies around it.
 load helper
 
 setup_more() {
@@ -53,4 +53,22 @@ END
         most=$(peak_kib vkt $filter large.nrrd -o out.nrrd --force)
         [ $((most - base)) -le $((6 * 8192)) ] || { echo "$((most - base)) KiB: $filter" >&2; false; }
     done
+}
+
+@test "a turned image gives what a slice among its copies gives, and takes the memory of an image" {
+    vkt stack image.nrrd image.nrrd image.nrrd --along z --force-uniform -o three.nrrd
+    for method in cubic bspline3 bspline5 lanczos3; do
+        for rule in '' '--boundary clamp' '--boundary mirror'; do
+            # shellcheck disable=SC2086
+            vkt rotate image.nrrd --axis z --angle 20 --method $method $rule -o a.nrrd --force
+            # shellcheck disable=SC2086
+            vkt rotate three.nrrd --axis z --angle 20 --method $method $rule | vkt crop --roi :,:,1:2 -o b.nrrd --force
+            vkt diff a.nrrd b.nrrd --tolerance 1 >/dev/null || { echo "$method $rule" >&2; vkt diff a.nrrd b.nrrd >&2; false; }
+        done
+    done
+    vkt make noise --dims 16 16 1 --dtype float32 -o tiny.nrrd
+    vkt make noise --dims 1024 1024 1 --dtype float32 -o large.nrrd # 4 MiB
+    base=$(peak_kib vkt rotate tiny.nrrd --axis z --angle 20 --method bspline5 -o out.nrrd)
+    most=$(peak_kib vkt rotate large.nrrd --axis z --angle 20 --method bspline5 -o out.nrrd --force)
+    [ $((most - base)) -le $((8 * 4096)) ] || { echo "$((most - base)) KiB" >&2; false; }
 }
