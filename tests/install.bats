@@ -68,9 +68,11 @@ EOF
     [ -z "$output" ] || { echo "$output" >&2; false; }
 }
 
+# Others come first in a source of their own, which sanitizers and clang-tidy read without a precompiled header.
 @test "headers stand on their own" {
     cd "$prefix/include"
-    find libvkt/core libvkt/engine libvkt/formats libvkt/kernel/kernel.h libvkt/operations/functions.h -name '*.h' | while read -r header; do
+    find libvkt/core libvkt/engine libvkt/formats/format.h libvkt/formats/request.h libvkt/kernel/kernel.h \
+        libvkt/operations/functions.h -name '*.h' | while read -r header; do
         echo "#include \"$header\"" | c++ -std=c++20 -fsyntax-only -I. -x c++ - || { echo "$header" >&2; exit 1; }
     done
 }

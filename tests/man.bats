@@ -119,14 +119,14 @@ END
     vkt help --common | options_in_help >common
     vkt help --list >verbs
     bad=
-    for page in $(while read -r verb; do page_for "$verb"; done <verbs | sort -u); do
+    while read -r verb; do echo "$(page_for "$verb") $verb"; done <verbs >pages
+    for page in $(cut -d' ' -f1 pages | sort -u); do
         : >help
-        while read -r verb; do
-            if [ "$(page_for "$verb")" = "$page" ]; then
-                # shellcheck disable=SC2086  # "filter gaussian" is two words
-                vkt $verb --help | options_in_help >>help
-            fi
-        done <verbs
+        while read -r on verb; do
+            [ "$on" = "$page" ] || continue
+            # shellcheck disable=SC2086  # "filter gaussian" is two words
+            vkt $verb --help | options_in_help >>help
+        done <pages
         sort -u help | grep -vxF -f common >own || true
         options_in_page "$page" | grep -vxF -f common >described || true
         # A page may mention options of other commands only in its examples and in prose about them, as Fl after Cm.

@@ -23,7 +23,7 @@ is_png() { [ "$(head -c 8 "$1" | od -An -tx1 | tr -d ' \n')" = 89504e470d0a1a0a 
 }
 
 @test "render with volkit's algorithm and lookup table" {
-    vkt read -i $FILE | vkt render --render-algo multi-scattering --rgba-lookup-table 1 1 1 0  0.2 0.0 0.2 0.2  0.0 0.8 0.8 0.8  1 1 0 1 >out.png
+    vkt read -i $FILE | vkt render --render-algo multi-scattering --size 96 --rgba-lookup-table 1 1 1 0  0.2 0.0 0.2 0.2  0.0 0.8 0.8 0.8  1 1 0 1 >out.png
     is_png out.png
 }
 
