@@ -264,6 +264,31 @@ for rule in wrap mirror border:0.5; do
     same 1e-6 "$vkt resample large.nrrd --dims 1100 140 9 --method linear --boundary $rule --memory 4M"
 done
 
+# Images, and columns of them: axes of one voxel.
+echo 5 3 1 >flat.txt
+weights 15 0 >>flat.txt
+for type in uint8 int16 float32; do
+    "$vkt" make noise --dims 190 131 1 --dtype $type --seed 7 -o flat_$type.nrrd
+    "$vkt" permute zyx flat_$type.nrrd -q -o thin_$type.nrrd
+    "$vkt" permute xzy flat_$type.nrrd -q -o row_$type.nrrd
+    for volume in flat thin row; do
+        case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
+        for command in 'filter median --radius 1,1,0' 'filter median --radius 2,2,0' 'filter median --radius 2' \
+            'morphology open --radius 3 --shape box'; do
+            same 0 "$vkt $command ${volume}_$type.nrrd -q"
+        done
+        for command in 'filter box --radius 3' 'filter bilateral --sigma 1.5 --range-sigma 30' 'rotate --axis z --angle 20' \
+            'rotate --axis 1,2,3 --angle 33 --method bspline3' 'rotate --axis z --angle 20 --method bspline5 --boundary mirror' \
+            'filter gaussian --sigma 3'; do
+            same "$tolerance" "$vkt $command ${volume}_$type.nrrd -q"
+        done
+        for command in sobel gradient laplacian 'log --sigma 1.5' 'dog --sigma 1' 'sharpen --sigma 1' 'kernel flat.txt' \
+            'gradient --boundary border:5'; do
+            same 1e-5 "$vkt filter $command ${volume}_$type.nrrd -q"
+        done
+    done
+done
+
 # Sums in 128 bits.
 for type in int64 uint64; do
     "$vkt" make noise --dims 60 37 21 --dtype $type --high 9e18 --seed 3 -o in_$type.nrrd
