@@ -324,6 +324,26 @@ assert get()[0, 0, 10] == 255 and "background -514, the nearest" in said, said'
     done
 }
 
+@test "slices that are turned together turn as each by itself" { # sixteen at a time, where there are as many
+    for type in float32 uint8 int16; do
+        vkt make noise --dims 90 70 37 --dtype "$type" --seed 5 -o v.vkt --force
+        vkt permute xzy v.vkt -q -o w.vkt --force
+        [ "$type" != float32 ] || cp v.vkt floats.vkt
+        for what in 'rotate --angle 30' 'rotate --angle 100 --expand' 'rotate --angle 45 --boundary wrap' \
+            'rotate --angle 30 --roi 11:80,3.5:66,4:33' 'affine 1.3,-0.6,0,9,0.7,1.1,0,-20,0,0,1,-3' 'affine 0.04,0,0,9,0,1,0,3,0,0,1,0'; do
+            # shellcheck disable=SC2086
+            vkt $what v.vkt -q --slab 5 | vkt diff - <(vkt $what v.vkt -q --slab 100)
+            case $what in *affine*|*roi*) continue ;; esac
+            # shellcheck disable=SC2086
+            vkt $what --axis y w.vkt -q --slab 100 | vkt permute xzy | vkt diff - <(vkt ${what/--angle /--angle -} --axis z v.vkt -q) --tolerance 1e-4
+        done
+    done
+    # Numbers that are none stay where they are, whether their slices are turned together or not.
+    vkt transform 'mod(x*7+y*3+z, 11) == 0 ? (z > 20 ? 0/0 : 1/0) : v' floats.vkt -q | vkt rotate --angle 20 -q --slab 5 -o few.vkt
+    vkt transform 'mod(x*7+y*3+z, 11) == 0 ? (z > 20 ? 0/0 : 1/0) : v' floats.vkt -q | vkt rotate --angle 20 -q --slab 100 -o all.vkt
+    vkt diff few.vkt all.vkt
+}
+
 @test "coefficients of splines are kept where memory does not hold them, and change nothing" {
     vkt make noise --dims 150 110 90 --dtype uint8 --seed 3 -o in.vkt
     for args in "--axis 1,2,3 --angle 25 --method bspline3" "--angle 30 --method bspline5 --boundary border:7"; do

@@ -5,6 +5,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/shuffle.h"
+#include "libvkt/operations/resample/kernels/interleaved.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
 #include "libvkt/operations/resample/kernels/still_axis.h"
 
@@ -459,44 +460,124 @@ void sample_box_single(ConstView const& in, AnyView out, AffineSampling const& r
 }
 
 /// Linear where an axis stays: between the four voxels of the plane. Tiles of several slices, which share the places.
-void sample_slices_together(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still,
-                            Losses& losses, std::int64_t& outside, Execution const& execution) {
-    static_assert(affine_tile.x == strip);
-    constexpr std::int64_t most_rows = std::max(affine_tile.y, affine_tile.z);
-    bool const by_z = still.axis == 2, stream = driver::is_large(out);
-    int const plane = by_z ? 1 : 2; // the axis of the plane beside x
-    std::int64_t const across = by_z ? in.row : in.slice, along = by_z ? in.slice : in.row;
-    for_each_tile(execution, out.box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally) {
-        SinglePlaces places[most_rows];
-        RowRanges ranges[most_rows];
-        std::int64_t const first_row = tile.lower[plane], first = tile.lower[still.axis];
-        for (std::int64_t row = first_row; row < tile.upper[plane]; ++row) {
-            PositionRow const at = by_z ? row_of(rule.map, {}, row, first) : row_of(rule.map, {}, first, row);
-            RowRanges& r = ranges[row - first_row];
-            r = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
-            auto const n = static_cast<std::int32_t>(r.interior.end - r.interior.begin);
-            places[row - first_row].find(Places(in, at), static_cast<double>(r.interior.begin), n);
-        }
-        for_each_single_type(in.type, [&]<class T>(T) {
-            for (std::int64_t slice = first; slice < tile.upper[still.axis]; ++slice) {
-                T const* const data = reinterpret_cast<T const*>(in.data) + (slice - first) * along;
-                for (std::int64_t row = first_row; row < tile.upper[plane]; ++row) {
-                    RowRanges const& r = ranges[row - first_row];
-                    SinglePlaces const& at = places[row - first_row];
-                    auto const run = [&](float* to) {
-                        auto const n = static_cast<std::int32_t>(r.interior.end - r.interior.begin);
-                        // Processors do not foresee these loads: those of the next slice are asked for, every other
-                        // one.
-                        for (std::int32_t i = 0; i < n && slice + 1 < tile.upper[still.axis]; i += 2)
-                            __builtin_prefetch(data + along + at.index[i]);
-                        sample_strip_single<2>(data, across, 0, at, by_z ? at.fy : at.fz, n, to);
-                    };
-                    sample_row_single(in, out, rule, r, by_z ? row : slice, by_z ? slice : row, stream, run, tally);
-                }
-            }
+class SlicesTogether {
+public:
+    SlicesTogether(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still)
+        : in_(in), out_(out), rule_(rule), still_(still), plane_(still.axis == 2 ? 1 : 2),
+          across_(still.axis == 2 ? in.row : in.slice), along_(still.axis == 2 ? in.slice : in.row),
+          stream_(driver::is_large(out)) {}
+
+    void run(Losses& losses, std::int64_t& outside, Execution const& execution) const {
+        for_each_single_type(in_.type, [&]<class T>(T) {
+            for_each_tile(execution, out_.box, affine_tile, losses, outside,
+                          [&](Box const& tile, Tally& tally) { sample<T>(tile, tally); });
         });
-    });
-}
+    }
+
+private:
+    static_assert(affine_tile.x == strip && affine_tile.y == affine_tile.z);
+    static constexpr std::int64_t rows_at_once = affine_tile.y, slices_at_once = affine_tile.z;
+
+    /// What the slices of a tile share, by rows.
+    struct Shared {
+        SinglePlaces places[rows_at_once];
+        RowRanges ranges[rows_at_once];
+        std::int32_t count(std::int64_t row) const {
+            return static_cast<std::int32_t>(ranges[row].interior.end - ranges[row].interior.begin);
+        }
+    };
+    float const* fractions(SinglePlaces const& places) const { return plane_ == 1 ? places.fy : places.fz; }
+    PositionRow positions(std::int64_t row, std::int64_t slice) const {
+        return plane_ == 1 ? row_of(rule_.map, {}, row, slice) : row_of(rule_.map, {}, slice, row);
+    }
+
+    template <class T> void sample(Box const& tile, Tally& tally) const {
+        Shared shared;
+        std::int64_t const first = tile.lower[still_.axis];
+        for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
+            PositionRow const at = positions(tile.lower[plane_] + row, first);
+            shared.ranges[row] = ranges_of({tile.lower.x, tile.upper.x}, at, rule_, still_.axis);
+            shared.places[row].find(Places(in_, at), static_cast<double>(shared.ranges[row].interior.begin),
+                                    shared.count(row));
+        }
+        if (tile.dims()[still_.axis] == slices_at_once) {
+            thread_local Interleaved<T, slices_at_once> voxels;
+            if (voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_]))
+                return sample_interleaved(tile, shared, voxels, tally);
+        }
+        sample_gathered<T>(tile, shared, tally);
+    }
+    Outline outline(Box const& tile) const {
+        auto const corner = [&](std::int64_t x, std::int64_t row) {
+            PositionRow const at = positions(row, tile.lower[still_.axis]);
+            return PlanePosition{at.x(static_cast<double>(x)) - static_cast<double>(in_.box.lower.x),
+                                 at.line(plane_)(static_cast<double>(x)) - static_cast<double>(in_.box.lower[plane_])};
+        };
+        std::int64_t const x = tile.upper.x - 1, row = tile.upper[plane_] - 1;
+        return Outline({corner(tile.lower.x, tile.lower[plane_]), corner(x, tile.lower[plane_]), corner(x, row),
+                        corner(tile.lower.x, row)});
+    }
+    /// run(to) gives what looks at nothing beyond the volume.
+    template <class Run>
+    void sample_row(Box const& tile, Shared const& shared, std::int64_t row, std::int64_t slice, Run const& run,
+                    Tally& tally) const {
+        std::int64_t const y = tile.lower[plane_] + row, z = tile.lower[still_.axis] + slice;
+        sample_row_single(in_, out_, rule_, shared.ranges[row], plane_ == 1 ? y : z, plane_ == 1 ? z : y, stream_, run,
+                          tally);
+    }
+
+    template <class T>
+    void sample_interleaved(Box const& tile, Shared const& shared, Interleaved<T, slices_at_once>& voxels,
+                            Tally& tally) const {
+        std::int64_t const first = tile.lower[still_.axis] + still_.shift - in_.box.lower[still_.axis];
+        voxels.fill(reinterpret_cast<T const*>(in_.data) + first * along_, in_.box.dims().x, across_, along_);
+        alignas(64) float samples[strip * slices_at_once] = {}, by_slice[slices_at_once * strip];
+        for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
+            SinglePlaces const& at = shared.places[row];
+            std::int32_t const n = shared.count(row);
+            float const* const f = fractions(at);
+            for (std::int32_t i = 0; i < n; ++i) {
+                std::int64_t const in_plane = at.index[i] - first * along_, y = in_plane / across_;
+                voxels.sample(voxels.place(in_plane - y * across_, y), at.fx[i], f[i], samples + i * slices_at_once);
+            }
+            constexpr std::int64_t edge = block_edge<float>;
+            for (std::int64_t i = 0; i < n; i += edge)
+                for (std::int64_t slice = 0; slice < slices_at_once; slice += edge)
+                    transpose_block(samples + i * slices_at_once + slice, slices_at_once, by_slice + slice * strip + i,
+                                    strip);
+            for (std::int64_t slice = 0; slice < slices_at_once; ++slice)
+                sample_row(
+                    tile, shared, row, slice,
+                    [&](float* to) { std::copy_n(by_slice + slice * strip, static_cast<std::size_t>(n), to); }, tally);
+        }
+    }
+
+    template <class T> void sample_gathered(Box const& tile, Shared const& shared, Tally& tally) const {
+        std::int64_t const slices = tile.dims()[still_.axis];
+        for (std::int64_t slice = 0; slice < slices; ++slice) {
+            T const* const data = reinterpret_cast<T const*>(in_.data) + slice * along_;
+            for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
+                auto const run = [&](float* to) {
+                    SinglePlaces const& at = shared.places[row];
+                    std::int32_t const n = shared.count(row);
+                    // Processors do not foresee these loads: those of the next slice are asked for, every other one.
+                    for (std::int32_t i = 0; i < n && slice + 1 < slices; i += 2)
+                        __builtin_prefetch(data + along_ + at.index[i]);
+                    sample_strip_single<2>(data, across_, 0, at, fractions(at), n, to);
+                };
+                sample_row(tile, shared, row, slice, run, tally);
+            }
+        }
+    }
+
+    ConstView in_;
+    AnyView out_;
+    AffineSampling const& rule_;
+    StillAxis still_;
+    int plane_; ///< the axis of the plane beside x
+    std::int64_t across_, along_;
+    bool stream_;
+};
 
 /// Linear in float32, each part of the box in the way that suits it; which one that is depends on no cut.
 void sample_single(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
@@ -509,7 +590,7 @@ void sample_single(ConstView const& in, AnyView out, AffineSampling const& rule,
             std::clamp(rule.dims[still.axis] - still.shift, part.lower[still.axis], out.box.upper[still.axis]);
     }
     if (still.axis < 0 || part.empty()) return sample_box_single(in, out, rule, losses, outside, execution);
-    sample_slices_together(in, out.part(part), rule, still, losses, outside, execution);
+    SlicesTogether(in, out.part(part), rule, still).run(losses, outside, execution);
     for (bool const above : {false, true}) { // slices beside the volume
         Box beside = out.box;
         (above ? beside.lower : beside.upper)[still.axis] = (above ? part.upper : part.lower)[still.axis];
