@@ -272,11 +272,11 @@ for type in uint8 int16 float32; do
     "$vkt" permute zyx flat_$type.nrrd -q -o thin_$type.nrrd
     "$vkt" permute xzy flat_$type.nrrd -q -o row_$type.nrrd
     for volume in flat thin row; do
-        case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
         for command in 'filter median --radius 1,1,0' 'filter median --radius 2,2,0' 'filter median --radius 2' \
             'morphology open --radius 3 --shape box'; do
             same 0 "$vkt $command ${volume}_$type.nrrd -q"
         done
+        case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
         for command in 'filter box --radius 3' 'filter bilateral --sigma 1.5 --range-sigma 30' 'rotate --axis z --angle 20' \
             'rotate --axis 1,2,3 --angle 33 --method bspline3' 'rotate --axis z --angle 20 --method bspline5 --boundary mirror' \
             'filter gaussian --sigma 3'; do
