@@ -18,10 +18,10 @@ constexpr int column_rows = 8, column_slices = 32;
 template <class C> using Compared = std::conditional_t<std::is_integral_v<C> && (sizeof(C) < 4), int, C>;
 
 /// Voxels around the middle of a column, [dz][dy].
-template <class V, int radius> struct ColumnWindow {
+template <class V, int radius, int radius_z> struct ColumnWindow {
     using Value = V;
-    V values[2 * radius + 1][2 * radius + 1];
-    __device__ __forceinline__ V operator()(int, int dy, int dz) const { return values[dz + radius][dy + radius]; }
+    V values[2 * radius_z + 1][2 * radius + 1];
+    __device__ __forceinline__ V operator()(int, int dy, int dz) const { return values[dz + radius_z][dy + radius]; }
 };
 /// What is made of the columns around a voxel.
 template <class V, int radius, int columns> struct ColumnsAround {
@@ -35,7 +35,8 @@ __global__ void __launch_bounds__(32 * column_rows)
     columns_kernel(DeviceRows in, DeviceRows out, Index3 n, unsigned across, unsigned along, F f,
                    unsigned long long* totals) {
     using V = Compared<C>;
-    constexpr int radius = F::radius, inner = 32 - 2 * radius, edge = 2 * radius + 1;
+    constexpr int radius = F::radius, radius_z = F::radius_z, inner = 32 - 2 * radius;
+    constexpr int edge = 2 * radius + 1, deep = 2 * radius_z + 1;
     int const lane = static_cast<int>(threadIdx.x);
     std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % across) * inner + lane - radius,
                        y = static_cast<std::int64_t>(blockIdx.x / across % along) * column_rows + threadIdx.y,
@@ -44,18 +45,18 @@ __global__ void __launch_bounds__(32 * column_rows)
     if (y < n.y) { // the whole warp
         std::int64_t const end = z0 + column_slices < n.z ? z0 + column_slices : n.z;
         bool const stores = lane >= radius && lane < 32 - radius && x < n.x;
-        std::byte const* from = in.at(x < n.x + radius ? x : n.x + radius - 1, y - radius, z0 - radius);
+        std::byte const* from = in.at(x < n.x + radius ? x : n.x + radius - 1, y - radius, z0 - radius_z);
         auto const march = [&]<class T>() {
-            ColumnWindow<V, radius> window;
-            for (std::int64_t z = z0 - radius; z < end + radius; ++z, from += in.slice) {
+            ColumnWindow<V, radius, radius_z> window;
+            for (std::int64_t z = z0 - radius_z; z < end + radius_z; ++z, from += in.slice) {
 #pragma unroll
-                for (int k = 0; k + 1 < edge; ++k)
+                for (int k = 0; k + 1 < deep; ++k)
 #pragma unroll
                     for (int j = 0; j < edge; ++j) window.values[k][j] = window.values[k + 1][j];
 #pragma unroll
                 for (int j = 0; j < edge; ++j)
-                    window.values[edge - 1][j] = neighbour_of<C, T>(reinterpret_cast<T const*>(from + j * in.row));
-                if (z < z0 + radius) continue;
+                    window.values[deep - 1][j] = neighbour_of<C, T>(reinterpret_cast<T const*>(from + j * in.row));
+                if (z < z0 + radius_z) continue;
                 V own[F::columns];
                 f.column(window, own);
                 ColumnsAround<V, radius, F::columns> made;
@@ -66,7 +67,7 @@ __global__ void __launch_bounds__(32 * column_rows)
                         made.values[(dx + radius) * F::columns + k] =
                             dx == 0 ? own[k] : __shfl_sync(~0u, own[k], lane + dx);
                 auto const result = static_cast<C>(f.combine(made));
-                if (stores) store_result(out.type, out.at(x, y, z - radius), result, counts);
+                if (stores) store_result(out.type, out.at(x, y, z - radius_z), result, counts);
             }
         };
         with_type(in.type, [&]<class T>(T) {

@@ -9,7 +9,7 @@ namespace vkt::VKT_BACKEND {
 
 /// (2 r + 1)^2 (2 z + 1): columns are sorted once, then the middle one of the sorted columns is selected.
 template <int r, int z> struct MedianNetwork {
-    static constexpr int radius = r, edge = 2 * r + 1, columns = edge * (2 * z + 1);
+    static constexpr int radius = r, radius_z = z, edge = 2 * r + 1, columns = edge * (2 * z + 1);
 
     template <class W, class V> VKT_HD void column(W const& window, V* sorted) const {
         unrolled<columns>([&](int k) { sorted[k] = window(0, k % edge - r, k / edge - z); });
