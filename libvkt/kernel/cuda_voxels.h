@@ -35,8 +35,17 @@ template <class Shape> Blocks blocks_of(Index3 n) {
     return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * deep)};
 }
 
+/// Blocks that a multiprocessor is to have room for at once: a functor's own word, `static constexpr int
+/// blocks_at_once`. What waits for memory wants many, which leaves a thread fewer registers.
+template <class F> constexpr int blocks_at_once() {
+    if constexpr (requires { F::blocks_at_once; })
+        return F::blocks_at_once;
+    else
+        return 1;
+}
+
 template <class Shape, class F>
-__global__ void __launch_bounds__(Shape::x* Shape::y* Shape::z)
+__global__ void __launch_bounds__(Shape::x* Shape::y* Shape::z, blocks_at_once<F>())
     voxels_kernel(Blocks blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
     std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * Shape::width + threadIdx.x,
                        y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * Shape::y +

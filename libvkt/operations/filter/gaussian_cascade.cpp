@@ -17,8 +17,6 @@ using Real = long double;
 constexpr std::array<std::int64_t, 14> steps{2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64};
 constexpr double most_sigma = 65536;
 
-std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a >= 0 ? a / b : -((b - 1 - a) / b); }
-
 /// The centred B-spline of odd degree n.
 Real spline(int n, Real x) {
     Real sum = 0, sign = 1, binomial = 1, factorial = 1;

@@ -35,6 +35,9 @@ struct CascadeAxis {
     std::int64_t reach(std::int64_t n) const { return wide_nodes(n) * step + 2 * before.radius; }
 };
 
+/// The whole number at or below a / b, b > 0.
+constexpr std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a >= 0 ? a / b : -((b - 1 - a) / b); }
+
 /// Positions from `lower` to before `upper`: voxels or nodes.
 struct Span {
     std::int64_t lower = 0, upper = 0;

@@ -62,6 +62,8 @@ template <int Axis, class V, class C, bool Voxels> struct Thinned {
     int radius;
     C const* shares;
 
+    static constexpr int blocks_at_once = 5; ///< of a multiprocessor: loads are what it waits for
+
     __device__ __forceinline__ void operator()(std::int64_t i, std::int64_t j, std::int64_t k,
                                                driver::LossCounts&) const {
         Index3 at{to.lower.x + i, to.lower.y + j, to.lower.z + k};
@@ -70,24 +72,43 @@ template <int Axis, class V, class C, bool Voxels> struct Thinned {
         (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = first;
         V const* const line = from.at(at.x, at.y, at.z);
         std::int64_t const stride = from.template stride<Axis>();
-        if (middle - radius >= first && middle + radius < along<Axis>(from.upper)) {
-            V const* const centre = line + (middle - first) * stride;
-            *result = average([&](std::int64_t o) { return value_of<C, Voxels>(centre[o * stride]); });
-            return;
-        }
-        *result = average([&](std::int64_t o) {
-            std::int64_t const index = middle + o;
-            bool const there = index >= first && index < along<Axis>(from.upper);
-            std::int64_t const source = there ? index : fold(index, n, boundary);
-            return source < 0 && !there ? border : value_of<C, Voxels>(line[(source - first) * stride]);
-        });
+        if (middle - radius >= first && middle + radius < along<Axis>(from.upper))
+            *result = average(line + (middle - first) * stride, stride);
+        else
+            *result = average_at_end(line, middle, stride);
     }
 
 private:
-    template <class At> __device__ __forceinline__ C average(At const& value) const {
+    /// Of values that all are there.
+    __device__ __forceinline__ C average(V const* centre, std::int64_t stride) const {
+        if (radius == 0) return value_of<C, Voxels>(*centre);
+        V const *below = centre - radius * stride, *above = centre + radius * stride;
+        C sum = value_of<C, Voxels>(*below) + value_of<C, Voxels>(*above);
+#pragma unroll 4
+        for (int k = radius - 1; k >= 0; --k) {
+            below += stride;
+            above -= stride;
+            C const pair = value_of<C, Voxels>(*below) + value_of<C, Voxels>(*above);
+            sum = madd(shares[k], pair - sum, sum);
+        }
+        return C(0.5) * sum;
+    }
+    /// fold(), whose remainders take long: hardly a voxel lies further beyond an end than the volume is long.
+    __device__ __forceinline__ std::int64_t folded(std::int64_t index) const {
+        if (boundary != Boundary::mirror || index < -n || index >= 2 * n) return fold(index, n, boundary);
+        return index < 0 ? -1 - index : index < n ? index : 2 * n - 1 - index;
+    }
+    /// Where some are beyond the ends of a line. Apart, lest it takes registers from what nearly all threads do.
+    __device__ __noinline__ C average_at_end(V const* line, std::int64_t middle, std::int64_t stride) const {
+        std::int64_t const first = along<Axis>(from.lower);
+        auto const value = [&](std::int64_t o) {
+            std::int64_t const index = middle + o;
+            bool const there = index >= first && index < along<Axis>(from.upper);
+            std::int64_t const source = there ? index : folded(index);
+            return source < 0 && !there ? border : value_of<C, Voxels>(line[(source - first) * stride]);
+        };
         if (radius == 0) return value(0);
         C sum = value(-radius) + value(radius);
-#pragma unroll 4
         for (int k = radius - 1; k >= 0; --k) {
             C const pair = value(-k) + value(k);
             sum = madd(shares[k], pair - sum, sum);
@@ -96,37 +117,57 @@ private:
     }
 };
 
-__device__ __forceinline__ std::int64_t whole_quotient(std::int64_t a, std::int64_t b) {
-    return a >= 0 ? driver::quotient_of(a, b) : -driver::quotient_of(b - 1 - a, b);
-}
+/// Splines read off at voxels along an axis, from as many nodes as the degree asks for.
+template <int Taps, class T, class C> struct Spline {
+    C const* shares; ///< of each phase
+    C factor;
 
-/// Splines read off at every voxel along an axis.
-template <int Axis, class T, class C> struct Refined {
+    __device__ __forceinline__ T at(C const (&nodes)[Taps], std::int64_t phase) const {
+        C const* const own = shares + phase * (Taps - 1);
+        C sum = nodes[0];
+#pragma unroll
+        for (int t = 1; t < Taps; ++t) {
+            int const tap = t % 2 == 0 ? t / 2 : Taps - 1 - t / 2; // CascadeAxis::tap()
+            sum = madd(own[t - 1], nodes[tap] - sum, sum);
+        }
+        if constexpr (std::is_same_v<T, C>)
+            return factor * sum;
+        else
+            return round_to<T>(factor * sum);
+    }
+};
+
+/// Along x a thread reads off one voxel; along y and z those from one node to the next, of which all read the same
+/// nodes.
+template <int Axis, int Taps, class T, class C> struct Refined {
     Lattice<C const> from;
     Lattice<T> to;
     std::int64_t step, left;
-    int taps;
-    C const* shares;
-    C factor;
+    std::int64_t first; ///< node, at or before the first voxel
+    Spline<Taps, T, C> spline;
 
+    /// What there is to do, one after the other along the axis.
+    Index3 items() const {
+        Index3 n = to.upper - to.lower;
+        if (Axis != 0) n[Axis] = (to.upper[Axis] - 1 - first * step) / step + 1;
+        return n;
+    }
     __device__ __forceinline__ void operator()(std::int64_t i, std::int64_t j, std::int64_t k,
                                                driver::LossCounts&) const {
         Index3 at{to.lower.x + i, to.lower.y + j, to.lower.z + k};
-        T* const result = to.at(at.x, at.y, at.z);
-        std::int64_t const voxel = along<Axis>(at), node = whole_quotient(voxel, step), phase = voxel - node * step,
-                           stride = from.template stride<Axis>();
+        std::int64_t const node =
+            Axis == 0 ? first + driver::quotient_of(at.x - first * step, step) : first + (Axis == 1 ? j : k);
+        std::int64_t const begin = Axis == 0 ? at.x : max(node * step, along<Axis>(to.lower)),
+                           end = Axis == 0 ? at.x + 1 : min((node + 1) * step, along<Axis>(to.upper));
+        (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = begin;
+        T* result = to.at(at.x, at.y, at.z);
         (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = node - left;
-        C const* const first = from.at(at.x, at.y, at.z);
-        C const* const own = shares + phase * (taps - 1);
-        C sum = *first;
-        for (int t = 1; t < taps; ++t) {
-            int const tap = t % 2 == 0 ? t / 2 : taps - 1 - t / 2; // CascadeAxis::tap()
-            sum = madd(own[t - 1], first[tap * stride] - sum, sum);
-        }
-        if constexpr (std::is_same_v<T, C>)
-            *result = factor * sum;
-        else
-            *result = round_to<T>(factor * sum);
+        C const* const source = from.at(at.x, at.y, at.z);
+        C nodes[Taps];
+#pragma unroll
+        for (int t = 0; t < Taps; ++t) nodes[t] = source[t * from.template stride<Axis>()];
+        for (std::int64_t voxel = begin; voxel < end; ++voxel, result += to.template stride<Axis>())
+            *result = spline.at(nodes, voxel - node * step);
     }
 };
 
@@ -207,11 +248,28 @@ private:
     }
 
     template <int Axis, class V> void refine(Lattice<C const> const& from, Lattice<V> const& to, C factor) const {
+        if (to.upper.x <= to.lower.x || to.upper.y <= to.lower.y || to.upper.z <= to.lower.z) return;
+        switch (axis(Axis).taps) {
+        case 1:
+            return refine_by<Axis, 1>(from, to, factor);
+        case 4:
+            return refine_by<Axis, 4>(from, to, factor);
+        case 6:
+            return refine_by<Axis, 6>(from, to, factor);
+        default:
+            throw Error(ErrorKind::failure, "a cascade has splines of a degree other than 3 and 5");
+        }
+    }
+    template <int Axis, int Taps, class V>
+    void refine_by(Lattice<C const> const& from, Lattice<V> const& to, C factor) const {
         CascadeAxis const& along = axis(Axis);
-        Refined<Axis, V, C> const f{
-            from,  to, along.step, along.left, static_cast<int>(along.taps), list_.get() + shares_.refining[Axis],
-            factor};
-        driver::for_each_voxel(to.upper - to.lower, f, nullptr, "gaussian, refined");
+        Refined<Axis, Taps, V, C> const f{from,
+                                          to,
+                                          along.step,
+                                          along.left,
+                                          floor_div(to.lower[Axis], along.step),
+                                          {list_.get() + shares_.refining[Axis], factor}};
+        driver::for_each_voxel(f.items(), f, nullptr, "gaussian, refined");
     }
     template <int Axis> Made refined(Stage<C> const& from) const {
         Box box = from.box();

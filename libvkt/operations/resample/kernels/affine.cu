@@ -213,6 +213,8 @@ private:
 /// Linear in float32, of voxels of type T, where all that is counted has room in 32 bits: the same bits as Sample, to
 /// which all is left that lies elsewhere than among voxels.
 template <class T> struct LinearSample {
+    static constexpr int blocks_at_once = 4;
+
     Sample<Linear, float, T> any;
     std::byte const* origin;            ///< of the input volume's voxel 0, which need not be there
     int row, slice;                     ///< bytes
@@ -228,7 +230,7 @@ template <class T> struct LinearSample {
               static_cast<unsigned>(pz.index) < inner_z)) {
             if (is_far(px.index, inner_x) || is_far(py.index, inner_y) || is_far(pz.index, inner_z))
                 return store_background(any.out.at(x, y, z), counts);
-            return any(x, y, z, counts);
+            return elsewhere(x, y, z, counts);
         }
         auto const* const near = reinterpret_cast<T const*>(
             origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
@@ -245,12 +247,23 @@ template <class T> struct LinearSample {
             float odd = 0; // NaN, if one of them is not finite
 #pragma unroll
             for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
-            if (odd != 0) return any(x, y, z, counts);
+            if (odd != 0) return elsewhere(x, y, z, counts);
         }
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
         float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
                                        fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
         store(any.out.at(x, y, z), value, counts);
+    }
+    /// What Sample does, apart, lest it takes registers from what nearly all threads do.
+    __device__ __forceinline__ void elsewhere(std::int64_t x, std::int64_t y, std::int64_t z,
+                                              driver::LossCounts& counts) const {
+        driver::LossCounts const own = counts_elsewhere(x, y, z);
+        counts.clipped += own.clipped, counts.nan += own.nan, counts.undefined += own.undefined;
+    }
+    __device__ __noinline__ driver::LossCounts counts_elsewhere(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        driver::LossCounts own;
+        any(x, y, z, own);
+        return own;
     }
     /// A voxel further than half of one beyond a face, by the whole below its position; no rule continues the volume.
     __device__ __forceinline__ bool is_far(int index, unsigned inner) const {
@@ -297,7 +310,7 @@ constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4
 /// Slices along the axis that stays: a thread looks up its place in the plane once for all of its slices, of which it
 /// needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
 template <class T>
-__global__ void __launch_bounds__(256)
+__global__ void __launch_bounds__(256, 3)
     slices_kernel(driver::Blocks blocks, Index3 n, StillAxis still, __grid_constant__ LinearSample<T> const sample,
                   unsigned long long* totals) {
     // Warps of 8 by 4 voxels, four of them side by side and two rows of them.
