@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/cut.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
 
 namespace vkt {
@@ -12,6 +13,9 @@ namespace {
 constexpr std::size_t slab_bytes = std::size_t{1} << 20;
 /// A GPU works on more at once: what neighbouring slabs share is computed, or moved, again for each of them.
 constexpr std::size_t slab_bytes_on_gpu = std::size_t{64} << 20;
+/// The share of a GPU's memory that what one piece looks at may take: several stages hold some, and some of them more
+/// than once.
+constexpr std::size_t gpu_share = 32;
 constexpr std::size_t least_budget = std::size_t{4} << 20;
 
 std::size_t budget(Execution const& execution) { return std::max(execution.memory, least_budget); }
@@ -91,6 +95,15 @@ public:
         for (std::size_t i = 0; i < inputs_.size(); ++i)
             bytes += std::max(0.0, pieces * static_cast<double>(wanted(i, middle)) -
                                        static_cast<double>(wanted(i, box_of(n))));
+        return bytes;
+    }
+
+    /// Bytes of the inputs that a piece in the middle is made of.
+    double read_for(Cut cut) const {
+        Index3 const n = dims();
+        double bytes = 0;
+        for (std::size_t i = 0; i < inputs_.size(); ++i)
+            bytes += static_cast<double>(wanted(i, piece(cut, (n.y - cut.rows) / 2, (n.z - cut.slices) / 2)));
         return bytes;
     }
 
@@ -192,6 +205,21 @@ WorkPlan whole_plan(Operation& operation, Plan const& plan, std::span<Header con
     return work;
 }
 
+/// Slabs for a GPU: higher as long as what neighbours share is most of what they are made of, since all of it is moved
+/// and computed again for each.
+Cut higher_slabs(Sizes const& sizes, Cut cut, Index3 dims, Execution const& execution) {
+    if (execution.device != Device::gpu || execution.slab > 0 || cut.rows < dims.y || gpu_count() <= execution.gpu)
+        return cut;
+    auto const most =
+        static_cast<double>(std::min(piece_limit(execution), device_facts(execution.gpu).memory / gpu_share));
+    for (Cut twice = cut; cut.slices < dims.z; cut = twice) {
+        twice.slices = std::min(2 * cut.slices, dims.z);
+        double const bytes = sizes.read_for(twice);
+        if (bytes > most || bytes > 1.5 * sizes.read_for(cut)) break;
+    }
+    return cut;
+}
+
 } // namespace
 
 WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
@@ -201,6 +229,7 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     Sizes const sizes(operation, plan, inputs, lent, execution);
     Index3 const n = plan.output.dims;
     Cut cut = cut_of(plan.output, slab_hint_on(execution, plan.output, plan.slab_hint), execution);
+    if (!plan.shift && !inputs.empty()) cut = higher_slabs(sizes, cut, n, execution);
     if (cut.rows == n.y) {
         // Slices as they come are worth threads, but not most of them.
         int const share = share_of_threads(execution.threads);

@@ -43,6 +43,12 @@ Execution Runner::execution_of(Invocation const& stage) const {
     return execution;
 }
 
+bool Runner::feeds_gpu() const {
+    return gpu_count() > 0 && std::ranges::any_of(stages_, [&](Invocation const& stage) {
+               return stage.common().execution().device == Device::gpu;
+           });
+}
+
 StageInfo Runner::stage_info(Invocation const& stage) {
     StageInfo info;
     info.name = stage.stage();
@@ -193,7 +199,10 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
         // What lies in shared memory is there already.
-        if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
+        Execution execution = execution_of(stage);
+        if (feeds_gpu()) execution.device = Device::gpu;
+        bool const computes = stage.opener() == nullptr || execution.device == Device::gpu;
+        if (computes && format_ != "shm") source = prefetch(std::move(source), execution);
     }
     if (stage.opener() == nullptr && file && format_ != "shm" && explains(stage) && share_ == 0)
         source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h, std::int64_t parts) {

@@ -81,6 +81,7 @@ private:
         return c.quiet ? Verbosity::quiet : c.verbose ? Verbosity::verbose : Verbosity::normal;
     }
     Execution execution_of(Invocation const& stage) const;
+    bool feeds_gpu() const; ///< some stage was told to compute on one
     void check_ends();
     void check_output_end();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
