@@ -454,7 +454,8 @@ void OperationSource::read(AnyView out) {
     if (work_.bands && !result_) compute_bands();
     if (result_) return result_->read(out);
     if (plan_.carries) return run_in_order(out);
-    if (execution_.device == Device::gpu && out.space == Space::host) return run_on_gpu(out);
+    if (execution_.device == Device::gpu && (out.space == Space::host || out.dims().z < work_.cut.slices))
+        return run_on_gpu(out);
     compute(out);
 }
 
@@ -473,7 +474,8 @@ void OperationSource::compute(AnyView out) {
     }
 }
 
-/// Consumers on the host ask for slabs that suit their caches; the GPU computes larger ones, of which these are copied.
+/// Consumers on the host ask for slabs that suit their caches, and those on the GPU for slabs that suit them; the GPU
+/// computes larger ones, of which these are copied.
 void OperationSource::run_on_gpu(AnyView out) {
     Index3 const n = plan_.output.dims;
     bool const slabs = out.box.lower.x == 0 && out.box.lower.y == 0 && out.box.upper.x == n.x && out.box.upper.y == n.y;
