@@ -182,6 +182,18 @@ struct Below {
     template <class V> static auto picks(V a, V v) { return v < a; }
 };
 
+/// What a functor makes of the lanes, the upper half with the lower one at a time: one after the other would take as
+/// long as the row.
+template <class A, class F> A folded_lanes(Lanes<A> const& from, F const f) {
+    A values[static_cast<std::size_t>(lane_count<A>)];
+    store_lanes(values, from);
+#pragma GCC unroll 6
+    for (std::int64_t half = lane_count<A> / 2; half > 0; half /= 2)
+#pragma omp simd
+        for (std::int64_t i = 0; i < half; ++i) values[i] = f(values[i], values[i + half]);
+    return values[0];
+}
+
 /// The extreme of a row, as if its voxels were looked at one after the other. `numbers` becomes false if some may be
 /// NaN.
 template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Best const best, bool& numbers) {
@@ -200,9 +212,9 @@ template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Be
                 most[r] = best.picks(most[r], v) ? v : most[r];
                 if constexpr (std::is_floating_point_v<A>) odd += v - v; // NOLINT(misc-redundant-expression): as above
             }
-        for (auto const& found : most)
-            for (std::int64_t i = 0; i < lanes; ++i) result = best(result, found[i]);
-        for (std::int64_t i = 0; i < lanes; ++i) numbers = numbers && odd[i] == A(0);
+        for (int r = 1; r < 4; ++r) most[0] = best.picks(most[0], most[r]) ? most[r] : most[0];
+        result = folded_lanes<A>(most[0], best);
+        numbers = numbers && folded_lanes<A>(odd, Plus{}) == A(0);
     }
     for (; k < n; ++k) {
         result = best(result, row[k]);
