@@ -189,6 +189,7 @@ void OperationSource::plan_volume() {
     result_.reset();
     done_y_ = done_z_ = 0;
     ahead_box_ = {};
+    begins_ = true;
     counted_.reset();
     bool const trees = !headers.empty() && !headers.front().dry_run && any_tree(headers);
     if (trees) refuse_grids_among(operation_, headers);
@@ -374,6 +375,7 @@ std::int64_t OperationSource::natural_slab() const {
 
 void OperationSource::expect(Box const& region) {
     expected_end_ = region.upper.z;
+    begins_ = true;
     if (inputs_used_up_ || region.empty() || plan_.access == Access::random || work_.jumps)
         return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -479,8 +481,10 @@ void OperationSource::compute(AnyView out) {
 void OperationSource::run_on_gpu(AnyView out) {
     Index3 const n = plan_.output.dims;
     bool const slabs = out.box.lower.x == 0 && out.box.lower.y == 0 && out.box.upper.x == n.x && out.box.upper.y == n.y;
-    bool const follows =
-        out.box.lower.z == 0 || (out.box.lower.z >= ahead_box_.lower.z && out.box.lower.z <= ahead_box_.upper.z);
+    // Who asks for slices from above comes to those at 0 last.
+    bool const begins = std::exchange(begins_, false) && out.box.lower.z == 0;
+    bool const follows = begins || (out.box.lower.z >= ahead_box_.lower.z && out.box.lower.z <= ahead_box_.upper.z &&
+                                    !ahead_box_.empty());
     if (!slabs || !follows || inputs_.empty() || descends(box_of(n))) return compute(out);
     for (std::int64_t z = out.box.lower.z; z < out.box.upper.z;) {
         if (z < ahead_box_.lower.z || z >= ahead_box_.upper.z) {

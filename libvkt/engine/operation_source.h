@@ -105,6 +105,7 @@ private:
     Buffer staging_, passed_;              ///< …, and what nobody asked for but what follows needs
     Buffer ahead_;                         ///< on the GPU: what was computed there, of which some was asked for
     Box ahead_box_;                        ///< …, empty if there is none
+    bool begins_ = true;                   ///< nothing was read of the volume yet, or of what is expected
     std::int64_t expected_end_ = 0;        ///< no slices are asked for from there on
     std::int64_t done_y_ = 0, done_z_ = 0; ///< if run() keeps what came before: the row that it computes next
     bool generated_ = false;               ///< a source operation yields exactly one volume

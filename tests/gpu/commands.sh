@@ -189,6 +189,10 @@ same text "$vkt pipe 'read large.nrrd | flip x | stats --json'"
 for device in cpu "$gpu"; do
     "$vkt" convert a_float32.vkt --dtype uint8 --device $device -o out.nrrd --force 2>said_${device%:*} || true
     "$vkt" arith mul a_uint8.vkt 3 --device $device -o out.nrrd --force 2>>said_${device%:*} || true
+    # Of slices that the next stage asks for from above, and that it looks at twice.
+    for next in 'flip z' 'filter median --radius 4' 'rotate --axis x --angle 20 -q'; do
+        "$vkt" pipe "arith mul in_uint8.nrrd 9 | $next" --slab 5 --device $device -o out.nrrd --force 2>>said_${device%:*} || true
+    done
 done
 checked=$((checked + 1))
 cmp -s said_cpu "said_${gpu%:*}" || {
