@@ -216,7 +216,7 @@ void OperationSource::plan_volume() {
         execution_.device = Device::cpu;
         return;
     }
-    if (!headers.empty() && plan_.output.kind != headers.front().kind) return take_whole(headers.front());
+    if (!headers.empty() && plan_.output.kind != headers.front().kind) return change_kind(headers.front());
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu && !plan_.shift) device_select(execution_.gpu);
@@ -307,7 +307,7 @@ void OperationSource::run_on_tree(std::vector<Header> const& headers) {
 }
 
 /// A grid becomes a tree, or a tree a grid: the operation is given all of it at once.
-void OperationSource::take_whole(Header const& input) {
+void OperationSource::change_kind(Header const& input) {
     bool const makes_tree = plan_.output.kind == Kind::hierarchical;
     execution_ = requested_;
     if (execution_.device != Device::gpu || !operation_.runs_on_gpu()) {

@@ -77,7 +77,7 @@ private:
     void prepare_inputs(std::vector<Header> const& headers);
     void compute_bands();
     void run_on_tree(std::vector<Header> const& headers);
-    void take_whole(Header const& input);
+    void change_kind(Header const& input);
     void scan();
     void compute(AnyView out);
     void run_in_pieces(AnyView out);
