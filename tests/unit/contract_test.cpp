@@ -204,6 +204,7 @@ Outcome outcome_of(Operation& operation, std::vector<Volume> const& volumes, std
     execution.threads = 2;
     execution.slab = 3;
     std::vector<std::unique_ptr<Source>> inputs;
+    inputs.reserve(volumes.size());
     for (Volume const& volume : volumes) inputs.push_back(std::make_unique<Asking>(volume_source({volume}), ask));
     StageInfo info;
     info.on_plan = [&](Plan const&, std::vector<Header> const&) { ask(); };
@@ -244,6 +245,7 @@ Outcome outcome_of(Operation& operation, std::vector<Volume> const& volumes, std
 
 std::vector<Header> headers_of(std::vector<Volume> const& volumes) {
     std::vector<Header> headers;
+    headers.reserve(volumes.size());
     for (Volume const& volume : volumes) headers.push_back(volume.header());
     return headers;
 }
