@@ -3,6 +3,7 @@
 #include "libvkt/operations/filter/clahe.h"
 
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/common/remarks.h"
 
 #include <algorithm>
@@ -206,6 +207,7 @@ void Clahe::set_ends(Window& window, DataType type, StoredValue low, StoredValue
 }
 
 void Clahe::scan(ConstView slab, Execution const& execution) {
+    threads_ = execution.threads;
     Box const box = intersect(slab.box, window_.field.grid.box);
     if (box.empty() || window_.copies) return;
     if (!ends_known_) return ends_->scan(slab.part(box), execution);
@@ -234,7 +236,7 @@ void Clahe::make_curves() {
     auto const bricks = static_cast<std::size_t>(window_.field.grid.count());
     curves_ = Buffer(bricks * curve_bytes(window_.field));
     std::byte* const to = curves_.write(Space::host);
-    for (std::size_t b = 0; b < bricks; ++b) {
+    auto const make = [&](std::size_t b) {
         std::uint64_t* const counts = counts_.data() + b * window_.bins.slots();
         counts[0] += counts[window_.bins.under()];
         counts[bins - 1] += counts[window_.bins.over()];
@@ -245,7 +247,13 @@ void Clahe::make_curves() {
             else
                 reinterpret_cast<float*>(to)[b * (bins + 1) + i] = static_cast<float>(curve[i]);
         }
-    }
+    };
+    constexpr std::size_t worth_a_thread = 1 << 14; // bins: about 0.1 ms
+    auto const most = static_cast<int>(std::clamp<std::size_t>(bricks * bins / worth_a_thread, 1, 1 << 10));
+    VKT_BACKEND::for_each_item(std::min(threads_, most), static_cast<std::int64_t>(bricks),
+                               [&](std::int64_t begin, std::int64_t end) {
+                                   for (std::int64_t b = begin; b < end; ++b) make(static_cast<std::size_t>(b));
+                               });
     counts_ = {};
 }
 

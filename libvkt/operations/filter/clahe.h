@@ -91,6 +91,7 @@ private:
     std::optional<RangeScan> ends_;
     bool ends_known_ = false, scans_again_ = false;
     Window window_;
+    int threads_ = 1; ///< that scan
     std::vector<std::uint64_t> counts_;
     Buffer curves_;
     Losses losses_;
