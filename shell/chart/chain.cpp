@@ -70,11 +70,13 @@ Chain::Chain(std::string const& line) {
             throw Error(ErrorKind::usage,
                         text("nothing comes after '", stages_.back().verb().name, "', which makes a picture"));
         Verb verb = find_verb(words);
-        Error const misfit(ErrorKind::usage, text("'", verb.name, "' is no operation on voxels, and makes no picture"),
-                           "the pipeline names what is done to the volume, which is given beside it");
-        if (!verb.command->operation && !verb.command->consumer) throw misfit;
+        auto const misfit = [name = verb.name] {
+            return Error(ErrorKind::usage, text("'", name, "' is no operation on voxels, and makes no picture"),
+                         "the pipeline names what is done to the volume, which is given beside it");
+        };
+        if (!verb.command->operation && !verb.command->consumer) throw misfit();
         Invocation& stage = stages_.emplace_back(std::move(verb));
-        if (stage.operation() == nullptr && picturing() == nullptr) throw misfit;
+        if (stage.operation() == nullptr && picturing() == nullptr) throw misfit();
         stage.parse();
         if (stage.common().help || stage.common().examples)
             throw Error(ErrorKind::usage, "--help has no meaning within a pipeline");
