@@ -468,6 +468,23 @@ PY
     cmp <(pixels_of volume.png) <(pixels_of expected.png)
 }
 
+@test "a small volume that comes slowly is shown while it comes, too" {
+    with_display
+    vkt make noise --dims 64 64 64 --dtype uint8 -o noise.nrrd
+    cat >slow.py <<'PY'
+import sys, time
+while data := sys.stdin.buffer.read(65536):
+    sys.stdout.buffer.write(data)
+    sys.stdout.buffer.flush()
+    time.sleep(0.7)
+PY
+    on_terminal "bash -c 'vkt read noise.nrrd --transport pipe --slab 4 | /usr/bin/python3 slow.py | vkt render --size 64'" &
+    command=$!
+    finds_window ' at [1-9][0-9]* of 64 slices'
+    titled ' ms'
+    quits
+}
+
 @test "--window opens one where standard output is no terminal" {
     with_display
     vkt render $volume --size 64 --window >out 2>log 3>&- &
