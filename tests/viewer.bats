@@ -485,6 +485,46 @@ PY
     quits
 }
 
+@test "the command of one of several volumes draws them all, and names are quoted" {
+    with_display
+    for n in 1 2; do vkt make noise --dims 16 16 16 --dtype uint8 --seed $n --no-history -o "step $n.nrrd"; done
+    volume="'step *.nrrd'"
+    opens
+    for n in 0 1; do
+        presses p
+        titled 'the command is in the terminal'
+        said=$(command_of)
+        echo "$said"
+        eval "$said"
+        presses s
+        titled 'saved .*'
+        saved=$(xdotool getwindowname "$window")
+        saved=${saved##*saved }
+        drawn=(step*-000$n.png)
+        cmp <(pixels_of "$saved") <(pixels_of "${drawn[0]}")
+        rm step*.png
+        presses n
+        sleep 0.5
+    done
+    quits
+}
+
+@test "the command that vkt view prints makes a picture" {
+    with_display
+    on_terminal "vkt view $volume --size 64" &
+    command=$!
+    finds_window
+    titled ' ms'
+    presses p
+    titled 'the command is in the terminal'
+    said=$(tr -d '\r' <log | sed -n 's/^vkt view: \(vkt .*\)$/\1/p')
+    echo "$said"
+    eval "$said"
+    vkt render $volume --size 64 -o expected.png
+    cmp block_24x18x30_uint8.png expected.png
+    quits
+}
+
 @test "--window opens one where standard output is no terminal" {
     with_display
     vkt render $volume --size 64 --window >out 2>log 3>&- &

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <limits>
 #include <numbers>
+#include <string_view>
 
 namespace vkt::shell::viewer {
 
@@ -301,14 +302,30 @@ int next_paths(int done, int wanted, int last, double seconds) {
     return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
-std::string free_picture_name(std::string const& input_name) {
+namespace {
+
+/// Named after the input, with a number before the tail where the name is in use.
+std::string free_name(std::string const& input_name, std::string const& tail) {
     std::string stem = std::filesystem::path(input_name).stem().string();
     if (stem.empty() || stem == "-") stem = "volume";
-    std::string name = stem + ".png";
+    std::string name = stem + tail;
     // A dangling link is a name in use as well.
     for (int n = 2; std::filesystem::symlink_status(name).type() != std::filesystem::file_type::not_found; ++n)
-        name = text(stem, "-", n, ".png");
+        name = text(stem, "-", n, tail);
     return name;
+}
+
+} // namespace
+
+std::string free_picture_name(std::string const& input_name) { return free_name(input_name, ".png"); }
+
+std::string output_word(std::string const& input_name, bool several) {
+    constexpr std::string_view first = "0000.png", any = "%04d.png";
+    std::string const name = free_name(input_name, several ? text("-", first) : ".png");
+    std::string word; // in which a per cent sign stands for a number's place
+    for (char const c : name) word += c == '%' ? std::string("%%") : std::string(1, c);
+    if (several) word.replace(word.size() - first.size(), first.size(), any);
+    return shell_quoted(word);
 }
 
 } // namespace vkt::shell::viewer

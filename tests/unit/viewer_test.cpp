@@ -274,6 +274,11 @@ TEST(Names, neverThoseInUse) {
     std::filesystem::create_symlink("nowhere", "head-2.png");
     EXPECT_EQ(free_picture_name("head.nrrd"), "head-3.png");
     EXPECT_EQ(free_picture_name("-"), "volume.png");
+    EXPECT_EQ(output_word("head.nrrd", false), "head-3.png");
+    EXPECT_EQ(output_word("my 5% head.nrrd", false), "'my 5%% head.png'");
+    EXPECT_EQ(output_word("head.nrrd", true), "head-%04d.png");
+    std::ofstream("head-0000.png") << "precious";
+    EXPECT_EQ(output_word("head.nrrd", true), "head-2-%04d.png");
     std::filesystem::current_path(before);
     std::filesystem::remove_all(folder);
 }
