@@ -164,8 +164,10 @@ std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
                               std::vector<double> const& isos) {
     Geometry const& g = volume.header().geometry;
     Index3 const dims = volume.header().dims;
-    Vec3 const origin = world_to_index(g, line.origin),
-               along = world_to_index(g, line.origin + line.direction) - origin;
+    // By itself: the world may be so large that a place and the one a unit further are the same.
+    Geometry directions = g;
+    directions.origin = {0, 0, 0};
+    Vec3 const origin = world_to_index(g, line.origin), along = world_to_index(directions, line.direction);
     double near = 0, far = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
         double const low = -0.5, high = static_cast<double>(dims[axis]) - 0.5;
