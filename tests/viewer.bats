@@ -2,6 +2,7 @@
 load helper
 
 volume=block_24x18x30_uint8.raw
+size=320x240
 
 setup_more() {
     # Different along each axis, so that a picture that is turned or mirrored shows.
@@ -62,7 +63,7 @@ finds_window() {
 
 # opens OPTION…: starts the viewer and waits for the full picture.
 opens() {
-    on_terminal "vkt render $volume --size 320x240 $*" &
+    on_terminal "vkt render $volume --size $size $*" &
     command=$!
     finds_window
     titled ' [0-9]+ ms'
@@ -466,6 +467,166 @@ PY
     quits
     vkt render noise.nrrd --size 64 -o expected.png
     cmp <(pixels_of volume.png) <(pixels_of expected.png)
+}
+
+@test "a small volume that comes slowly is shown while it comes, too" {
+    with_display
+    vkt make noise --dims 64 64 64 --dtype uint8 -o noise.nrrd
+    cat >slow.py <<'PY'
+import sys, time
+while data := sys.stdin.buffer.read(65536):
+    sys.stdout.buffer.write(data)
+    sys.stdout.buffer.flush()
+    time.sleep(0.7)
+PY
+    on_terminal "bash -c 'vkt read noise.nrrd --transport pipe --slab 4 | /usr/bin/python3 slow.py | vkt render --size 64'" &
+    command=$!
+    finds_window ' at [1-9][0-9]* of 64 slices'
+    titled ' ms'
+    quits
+}
+
+@test "surfaces of values beyond those of single precision have sliders, too" {
+    with_display
+    /usr/bin/python3 -c "
+import struct
+open('huge_8x8x8_float64.raw', 'wb').write(struct.pack('<512d', *((x % 8 - 4) * 1e300 for x in range(512))))"
+    volume=huge_8x8x8_float64.raw
+    size=320x640
+    opens
+    presses i
+    titled 'implicit-iso, automatic colours, [0-9]+ ms'
+    presses p
+    titled 'the command is in the terminal'
+    quits
+}
+
+@test "hierarchical volumes have surfaces and scatter light at a key, too" {
+    with_display
+    vkt make noise --dims 32 32 32 --dtype uint8 -o noise.nrrd
+    on_terminal "bash -c 'vkt refine noise.nrrd --tolerance 40 | vkt render --size 64'" &
+    command=$!
+    finds_window
+    titled ' ms'
+    presses i
+    titled 'implicit-iso, automatic colours, [0-9]+ ms'
+    presses t
+    titled 'multi-scattering, automatic colours, [0-9]+ ms'
+    quits
+}
+
+@test "Escape closes what is open before it closes the window" {
+    with_display
+    size=320x320
+    opens
+    # A double click in the strip of colours makes one and asks which.
+    xdotool mousemove --window "$window" 520 188
+    sleep 0.3
+    xdotool click --repeat 2 --delay 60 1
+    titled 'edited colours, [0-9]+ ms'
+    screenshot 320 0 300 320 open.ppm
+    presses Escape
+    screenshot 320 0 300 320 closed.ppm
+    run ! cmp -s open.ppm closed.ppm
+    for shown in h b; do
+        presses $shown
+        presses Escape
+    done
+    titled 'edited colours, [0-9]+ ms'
+    xdotool key Escape
+    wait "$command"
+    command=
+}
+
+# drags_clip: the upper end of x in the panel of the clip box, which is the only open one.
+drags_clip() {
+    xdotool mousemove --window "$window" 470 168 mousedown 1
+    for _ in {1..6}; do
+        xdotool mousemove_relative -- -5 0
+        sleep 0.05
+    done
+    xdotool mouseup 1
+    sleep 0.5
+}
+
+# clip_said: the box of the command that p prints.
+clip_said() {
+    presses p
+    sleep 0.5
+    command_of | grep -o -e '--clip-box [^ ]*'
+}
+
+@test "a clip box is one of the volume that is shown, whole or in part" {
+    with_display
+    size=320x400
+    opens
+    clicks 480 18 # closes the transfer function
+    clicks 480 43 # and the integrator
+    clicks 480 93 # and the picture
+    clicks 480 143 # opens the clip box
+    drags_clip
+    of_whole=$(clip_said)
+    echo "$of_whole"
+    presses b
+    xdotool mousemove --window "$window" 130 150 mousedown 1
+    for _ in {1..6}; do xdotool mousemove_relative 10 10; done
+    xdotool mouseup 1
+    sleep 0.3
+    presses Return
+    for _ in {1..100}; do
+        [[ "$(xdotool getwindowname "$window")" != *'(24 18 30)'* ]] && break
+        sleep 0.1
+    done
+    # Undo brings no voxels of the whole into the part.
+    presses ctrl+z
+    titled '[0-9]+ ms'
+    run ! clip_said
+    drags_clip
+    [ "$(clip_said)" != "$of_whole" ]
+    presses BackSpace
+    titled '.24 18 30.* [0-9]+ ms'
+    [ "$(clip_said)" = "$of_whole" ]
+    quits
+}
+
+@test "the command of one of several volumes draws them all, and names are quoted" {
+    with_display
+    for n in 1 2; do vkt make noise --dims 16 16 16 --dtype uint8 --seed $n --no-history -o "step $n.nrrd"; done
+    volume="'step *.nrrd'"
+    opens
+    for n in 0 1; do
+        presses p
+        titled 'the command is in the terminal'
+        said=$(command_of)
+        echo "$said"
+        eval "$said"
+        presses s
+        titled 'saved .*'
+        saved=$(xdotool getwindowname "$window")
+        saved=${saved##*saved }
+        drawn=(step*-000$n.png)
+        cmp <(pixels_of "$saved") <(pixels_of "${drawn[0]}")
+        rm step*.png
+        presses n
+        sleep 0.5
+    done
+    quits
+}
+
+@test "the command that vkt view prints makes a picture" {
+    with_display
+    on_terminal "vkt view $volume --size 64" &
+    command=$!
+    finds_window
+    titled ' ms'
+    presses p
+    titled 'the command is in the terminal'
+    said=$(tr -d '\r' <log | sed -n 's/^vkt view: \(vkt .*\)$/\1/p')
+    echo "$said"
+    eval "$said"
+    vkt render $volume --size 64 -o expected.png
+    cmp block_24x18x30_uint8.png expected.png
+    quits
 }
 
 @test "--window opens one where standard output is no terminal" {

@@ -14,6 +14,9 @@ namespace vkt::shell::viewer {
 
 namespace {
 
+/// Of a volume that comes slowly, at most.
+constexpr std::int64_t pictures = 16;
+
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 /// One step of the kind that a command line has, in this process.
@@ -88,8 +91,9 @@ void ArrivingVolumes::read() {
         constexpr std::int64_t bytes = 4 << 20;
         std::int64_t const per_slice =
             std::max<std::int64_t>(1, dims.x * dims.y * static_cast<std::int64_t>(size_of(header_.dtype)));
+        // Small volumes may come slowly, too: no more at once than makes a new picture of what is there.
         std::int64_t const height =
-            std::max<std::int64_t>(std::max<std::int64_t>(1, source_.natural_slab()), bytes / per_slice);
+            std::max({std::int64_t{1}, source_.natural_slab(), std::min(bytes / per_slice, dims.z / pictures)});
         for (std::int64_t z = 0; z < dims.z; z += height) {
             {
                 std::lock_guard const lock(mutex_);
@@ -140,7 +144,7 @@ Arrival ArrivingVolumes::arrive() {
         complete_ = true;
         return {shown_, header_.dims.z, true};
     }
-    bool const enough = here - shown_ >= std::max<std::int64_t>(1, header_.dims.z / 16);
+    bool const enough = here - shown_ >= std::max<std::int64_t>(1, header_.dims.z / pictures);
     if (enough && now() >= next_time_) {
         double const start = now();
         Header lower = header_;

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <limits>
 #include <numbers>
+#include <string_view>
 
 namespace vkt::shell::viewer {
 
@@ -163,8 +164,10 @@ std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
                               std::vector<double> const& isos) {
     Geometry const& g = volume.header().geometry;
     Index3 const dims = volume.header().dims;
-    Vec3 const origin = world_to_index(g, line.origin),
-               along = world_to_index(g, line.origin + line.direction) - origin;
+    // By itself: the world may be so large that a place and the one a unit further are the same.
+    Geometry directions = g;
+    directions.origin = {0, 0, 0};
+    Vec3 const origin = world_to_index(g, line.origin), along = world_to_index(directions, line.direction);
     double near = 0, far = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
         double const low = -0.5, high = static_cast<double>(dims[axis]) - 0.5;
@@ -301,14 +304,30 @@ int next_paths(int done, int wanted, int last, double seconds) {
     return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
-std::string free_picture_name(std::string const& input_name) {
+namespace {
+
+/// Named after the input, with a number before the tail where the name is in use.
+std::string free_name(std::string const& input_name, std::string const& tail) {
     std::string stem = std::filesystem::path(input_name).stem().string();
     if (stem.empty() || stem == "-") stem = "volume";
-    std::string name = stem + ".png";
+    std::string name = stem + tail;
     // A dangling link is a name in use as well.
     for (int n = 2; std::filesystem::symlink_status(name).type() != std::filesystem::file_type::not_found; ++n)
-        name = text(stem, "-", n, ".png");
+        name = text(stem, "-", n, tail);
     return name;
+}
+
+} // namespace
+
+std::string free_picture_name(std::string const& input_name) { return free_name(input_name, ".png"); }
+
+std::string output_word(std::string const& input_name, bool several) {
+    constexpr std::string_view first = "0000.png", any = "%04d.png";
+    std::string const name = free_name(input_name, several ? text("-", first) : ".png");
+    std::string word; // in which a per cent sign stands for a number's place
+    for (char const c : name) word += c == '%' ? std::string("%%") : std::string(1, c);
+    if (several) word.replace(word.size() - first.size(), first.size(), any);
+    return shell_quoted(word);
 }
 
 } // namespace vkt::shell::viewer

@@ -90,5 +90,7 @@ int next_paths(int done, int wanted, int last, double seconds);
 
 /// "NAME.png" or the first of "NAME-2.png", "NAME-3.png", … that is still free.
 std::string free_picture_name(std::string const& input_name);
+/// The same as a word of a command line; of `several` volumes with a place for their number, as in "NAME-%04d.png".
+std::string output_word(std::string const& input_name, bool several);
 
 } // namespace vkt::shell::viewer

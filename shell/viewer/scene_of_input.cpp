@@ -55,9 +55,13 @@ public:
         StageInfo stage = stage_of(view);
         if (stage.words.empty()) return "with --no-history there is no command line";
         return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
-                    free_picture_name(input()));
+                    output_word(input(), several()));
     }
-    bool next() override { return volumes_.next(); }
+    bool next() override {
+        bool const more = volumes_.next();
+        if (more) ++begun_;
+        return more;
+    }
     Arrival arrive() override { return volumes_.arrive(); }
     std::shared_ptr<render::Renderer const> volume() override {
         return volumes_.partial() ? nullptr : volumes_.renderer();
@@ -69,9 +73,15 @@ private:
         std::string const name = context_.stage_info().input_names.front();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
     }
+    /// Whether the command is one of several volumes, as far as that can be known without waiting for a pipe.
+    bool several() {
+        bool const piped = context_.stage_info().input_names.front() == "-";
+        return begun_ > 1 || (!piped && !volumes_.partial() && opened_.another());
+    }
     StageInfo stage_of(View const& view) const {
         StageInfo stage = context_.stage_info();
         stage.words = words_of(stage.words, asked_, view);
+        if (!stage.words.empty()) stage.words.front() = "render"; // vkt view shows what vkt render draws
         return stage;
     }
 
@@ -80,6 +90,7 @@ private:
     render::Background background_;
     Volumes opened_;
     ArrivingVolumes volumes_;
+    int begun_ = 0;
 };
 
 } // namespace

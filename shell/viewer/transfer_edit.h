@@ -102,6 +102,10 @@ public:
     bool can_redo() const { return at_ + 1 < states_.size(); }
     T const& undo() { return states_[at_ -= can_undo() ? 1 : 0]; }
     T const& redo() { return states_[at_ += can_redo() ? 1 : 0]; }
+    /// What is to hold of all states, whichever one goes back to.
+    template <class Change> void change_all(Change change) {
+        for (T& state : states_) change(state);
+    }
     T const& now() const { return states_[at_]; }
 
 private:

@@ -303,7 +303,9 @@ double diagonal_of(Header const& header) {
 std::array<double, 4> plane_facing(render::Camera const& camera, Header const& header) {
     Vec3 const normal = direction_of(angles_of(camera.target - camera.eye));
     auto const [least, greatest] = plane_distances(normal, header);
-    return {normal.x, normal.y, normal.z, rounded(std::midpoint(least, greatest))};
+    // Six digits of what it may be: worlds may be as small as crystals.
+    double const unit = std::pow(10.0, std::ceil(std::log10(greatest - least)));
+    return {normal.x, normal.y, normal.z, rounded(std::midpoint(least, greatest) / unit) * unit};
 }
 
 } // namespace vkt::shell::viewer

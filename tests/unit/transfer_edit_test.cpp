@@ -198,6 +198,9 @@ TEST(Undo, goesBackAndForth) {
     undo.record(9); // what was undone is gone
     EXPECT_FALSE(undo.can_redo());
     EXPECT_EQ(undo.undo(), 2);
+    undo.change_all([](int& state) { state += 100; });
+    EXPECT_EQ(undo.now(), 102);
+    EXPECT_EQ(undo.redo(), 109);
     for (int i = 0; i < 1000; ++i) undo.record(i);
     EXPECT_EQ(undo.now(), 999);
 }

@@ -12,6 +12,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -274,6 +275,11 @@ TEST(Names, neverThoseInUse) {
     std::filesystem::create_symlink("nowhere", "head-2.png");
     EXPECT_EQ(free_picture_name("head.nrrd"), "head-3.png");
     EXPECT_EQ(free_picture_name("-"), "volume.png");
+    EXPECT_EQ(output_word("head.nrrd", false), "head-3.png");
+    EXPECT_EQ(output_word("my 5% head.nrrd", false), "'my 5%% head.png'");
+    EXPECT_EQ(output_word("head.nrrd", true), "head-%04d.png");
+    std::ofstream("head-0000.png") << "precious";
+    EXPECT_EQ(output_word("head.nrrd", true), "head-2-%04d.png");
     std::filesystem::current_path(before);
     std::filesystem::remove_all(folder);
 }
@@ -644,6 +650,25 @@ TEST(Cameras, pointsAndPartsAreFoundWhereThingsAre) {
     EXPECT_LE(part->lower.y, 12);
     EXPECT_FALSE(part_in_box(camera, {0.01, 0.01, 0.05, 0.05}, 1, renderer, report));
     EXPECT_FALSE(part_in_box(camera, {0.5, 0.5, 0.5, 0.5}, 1, renderer, report));
+
+    // The same in parsecs and in metres: of a galaxy, and of a crystal.
+    for (double const length : {3e18, 3e-10}) {
+        Header header = volume.header();
+        header.geometry.spacing = {length, length, length};
+        Volume scaled(header);
+        std::memcpy(scaled.mutable_view().data, volume.view().data, header.bytes());
+        render::Renderer const in_world(scaled, {});
+        Camera there = camera;
+        there.eye = camera.eye * length, there.target = camera.target * length;
+        auto const place = point_met(line_under(there, 0.5, 0.5, 1), in_world, transfer, length, {});
+        ASSERT_TRUE(place);
+        EXPECT_NEAR(place->y, 11.5 * length, 0.2 * length);
+        report.unit = length;
+        auto const same = part_in_box(there, {0.5 - half, 0.5 - half, 0.5 + half, 0.5 + half}, 1, in_world, report);
+        ASSERT_TRUE(same);
+        EXPECT_NEAR(static_cast<double>(same->lower.x), 12, 1);
+        EXPECT_NEAR(static_cast<double>(same->upper.z), 20, 1);
+    }
 }
 
 /// What a parser of command lines makes of the words.
@@ -729,6 +754,8 @@ TEST(Views, aNewPlaneCutsTheMiddleAndShowsWhatIsBehind) {
     auto const plane = plane_facing(front(), header); // looks along y
     EXPECT_EQ(plane, (std::array<double, 4>{0, 1, 0, 10}));
     EXPECT_EQ(plane_distances({0, 0, -1}, header), (std::array<double, 2>{-30, 0}));
+    header.geometry.spacing = header.geometry.origin = {1e-9, 1e-9, 1e-9};
+    EXPECT_NEAR(plane_facing(front(), header)[3], 10.5e-9, 1e-14);
 }
 
 TEST(Views, inputsStayBeforeListsOfNumbers) {

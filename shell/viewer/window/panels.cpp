@@ -39,7 +39,7 @@ std::vector<std::array<char const*, 2>> const& keys() {
         {"P", "print the command that draws it"},
         {"N, Space", "next volume"},
         {"H", "this help"},
-        {"Q, Esc", "quit"}};
+        {"Q, Esc", "quit (Esc: first close what is open)"}};
     return all;
 }
 

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/window/widgets.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 namespace vkt::shell::viewer {
 
@@ -22,11 +24,11 @@ bool input(char const* label, double& value, char const* format) {
 }
 
 bool slider(char const* label, double& value, double least, double most, bool logarithmic, char const* format) {
-    auto v = static_cast<float>(value);
-    bool const changed = ImGui::SliderFloat(label, &v, static_cast<float>(least), static_cast<float>(most), format,
-                                            (logarithmic ? ImGuiSliderFlags_Logarithmic : 0));
-    if (changed) value = static_cast<double>(v);
-    return changed;
+    // Values of volumes may be beyond those of float, and sliders of Dear ImGui end at half of what their type holds.
+    constexpr double end = std::numeric_limits<double>::max() / 2;
+    double const from = std::clamp(least, -end, end), to = std::clamp(most, -end, end);
+    return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &from, &to, format,
+                               ImGuiSliderFlags_AlwaysClamp | (logarithmic ? ImGuiSliderFlags_Logarithmic : 0));
 }
 
 void tip(char const* words) {

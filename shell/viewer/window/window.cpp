@@ -11,6 +11,7 @@
 #include <backends/imgui_impl_glfw.h>
 #include <backends/imgui_impl_opengl3.h>
 #include <imgui.h>
+#include <imgui_internal.h> // to close popups
 
 #include <algorithm>
 #include <cmath>
@@ -96,6 +97,7 @@ private:
     void do_wish(Wish wish);
     void set_algorithm(render::Algorithm algorithm);
     void magnify_box();
+    void clip_anew(std::string const& clip);
     void pick(double x, double y);
     /// Shows the camera moved by `change`, once there is a picture to start from.
     template <class Change> void change_camera(Change change);
@@ -126,7 +128,9 @@ private:
     Drag drag_ = Drag::none;
     double x_ = 0, y_ = 0, clicked_ = -1; ///< where the mouse was, when it was pressed
     bool panels_on_ = true, magnified_ = false;
-    int frames_left_ = 3; ///< until the panels have come to rest
+    bool closing_popups_ = false;
+    std::string clip_of_whole_; ///< while a part is magnified, whose voxels are others
+    int frames_left_ = 3;       ///< until the panels have come to rest
     Panels panels_;
     std::optional<Frame> frame_;
     std::string name_, facts_, message_, title_;
@@ -322,12 +326,6 @@ void Window::pick(double x, double y) {
 }
 
 void Window::set_algorithm(render::Algorithm algorithm) {
-    auto const volume = frame_ ? frame_->volume.lock() : nullptr;
-    if (volume != nullptr && volume->header().kind == Kind::hierarchical &&
-        algorithm != render::Algorithm::ray_marching) {
-        message_ = "hierarchical volumes are marched";
-        return;
-    }
     view_.look.algorithm = algorithm;
     show_view();
 }
@@ -344,11 +342,17 @@ void Window::magnify_box() {
         return;
     }
     message_ = "resampling";
-    magnified_ = true;
+    if (!std::exchange(magnified_, true)) clip_of_whole_ = view_.look.clip;
     view_.camera.reset();
-    view_.look.clip.clear();
+    clip_anew({});
     painter_->show(view_);
     painter_->magnify(*box);
+}
+
+/// Boxes that were said before are in voxels of what is not shown any more.
+void Window::clip_anew(std::string const& clip) {
+    view_.look.clip = clip;
+    undo_.change_all([&](Look& look) { look.clip = clip; });
 }
 
 void Window::do_wish(Wish wish) {
@@ -384,6 +388,7 @@ void Window::do_wish(Wish wish) {
         if (!std::exchange(magnified_, false)) return;
         message_.clear();
         view_.camera.reset();
+        clip_anew(clip_of_whole_);
         painter_->show(view_);
         painter_->magnify({});
         return;
@@ -516,8 +521,18 @@ void Window::key(int which, int modifiers, bool repeated) {
     case GLFW_KEY_SPACE:
         do_wish(Wish::next);
         break;
-    case GLFW_KEY_Q:
     case GLFW_KEY_ESCAPE:
+        // What is open over the picture or the panels is what it is meant for.
+        if (ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel))
+            closing_popups_ = true;
+        else if (panels_.help)
+            panels_.help = false;
+        else if (panels_.choosing_box || panels_.box)
+            panels_.choosing_box = false, panels_.box.reset();
+        else
+            do_wish(Wish::quit);
+        break;
+    case GLFW_KEY_Q:
         do_wish(Wish::quit);
         break;
     default:
@@ -617,6 +632,7 @@ void Window::draw() {
     ImGui_ImplOpenGL3_NewFrame();
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
+    if (std::exchange(closing_popups_, false)) ImGui::ClosePopupToLevel(0, true);
     Area const area = picture_area();
     draw_picture(area);
     auto const volume = frame_ ? frame_->volume.lock() : nullptr;
