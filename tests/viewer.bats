@@ -665,3 +665,43 @@ clip_said() {
     grep -q 'no window: ' log
     grep -q -e '-o FILE' log
 }
+
+# shown N: so many different pictures are seen in the window within a few seconds.
+shown() {
+    rm -f seen
+    for _ in {1..100}; do
+        screenshot 20 20 200 150 now.ppm
+        sha256sum <now.ppm >>seen
+        [ "$(sort -u seen | wc -l)" -lt "$1" ] || return 0
+        sleep 0.1
+    done
+    echo "$(sort -u seen | wc -l) pictures" >&2
+    return 1
+}
+
+@test "volumes are played again and again until they are stopped, those of a pipe once" {
+    with_display
+    for n in 1 2 3; do vkt make noise --dims 16 16 16 --dtype uint8 --seed $n --no-history -o "step$n.nrrd"; done
+    volume="'step*.nrrd'"
+    opens
+    presses period
+    shown 3
+    shown 3 # the first one has come again
+    [[ "$(xdotool getwindowname "$window")" == *' - playing' ]]
+    presses period
+    titled ' ms'
+    quits
+    volume="- < <(vkt read 'step*.nrrd')"
+    opens
+    presses period
+    titled ' ms - this is the last volume'
+    presses period # there is no first one to come back to
+    titled ' ms - this is the last volume'
+    quits
+    # One volume is the first and the last.
+    volume=step1.nrrd
+    opens
+    presses period
+    titled ' ms - this is the last volume'
+    quits
+}

@@ -15,6 +15,7 @@ public:
     explicit SourceDecorator(std::unique_ptr<Source> source) : source_(std::move(source)) {}
 
     bool next_volume() override { return source_->next_volume(); }
+    bool rewind() override { return source_->rewind(); }
     Header const& header() const override { return source_->header(); }
     Access access() const override { return source_->access(); }
     void read(AnyView out) override { source_->read(out); }

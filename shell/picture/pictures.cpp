@@ -70,6 +70,12 @@ bool Volumes::open() {
     return true;
 }
 
+bool Volumes::rewind() {
+    if (!source_.rewind()) return false;
+    another_.reset();
+    return true;
+}
+
 bool Volumes::next() {
     if (!open()) return false;
     renderer_.reset();

@@ -28,6 +28,8 @@ public:
     bool another();
     /// Moves on to the next one without loading it. Throws Error{resources} beyond the budget.
     bool open();
+    /// After the last one: the first one is next again, if the input can be had once more.
+    bool rewind();
     /// Loads the next one; without one, the last one stays. Throws the same.
     bool next();
     render::Renderer const& renderer() const { return *renderer_; }

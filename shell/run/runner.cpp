@@ -217,8 +217,26 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     return source;
 }
 
+namespace {
+
+bool is_regular(std::string const& path) {
+    std::error_code error;
+    return std::filesystem::is_regular_file(path, error);
+}
+/// Files, patterns of their names and shared memory are; pipes are not.
+bool is_there_again(std::string const& path) {
+    std::error_code error;
+    auto const type = std::filesystem::status(path, error).type();
+    return path != "-" && type != std::filesystem::file_type::fifo && type != std::filesystem::file_type::character &&
+           type != std::filesystem::file_type::socket;
+}
+
+} // namespace
+
 std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
     std::vector<std::unique_ptr<Source>> sources;
+    // Windows show the first volume again after the last.
+    bool const draws = stage.consumer() != nullptr && stage.consumer()->needs_whole();
     bool const begins = &stage == &stages_.front() || (!twins_.empty() && &stage == &twins_.back().front());
     for (auto const& path : stage.inputs()) {
         if (previous && begins) { // opened already, for several
@@ -226,7 +244,7 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
         } else if (path == "-" && previous) {
             sources.push_back(std::move(previous));
             formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
-        } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
+        } else if (draws ? is_there_again(path) : stage.inputs().size() > 1 && is_regular(path)) {
             sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
         } else {
             sources.push_back(open(stage, path));

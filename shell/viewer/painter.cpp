@@ -55,7 +55,7 @@ void Painter::add_task(Task task) {
 }
 
 void Painter::save() { add_task({Task::Kind::save, {}, {}}); }
-void Painter::next() { add_task({Task::Kind::next, {}, {}}); }
+void Painter::next(bool around) { add_task({Task::Kind::next, {}, {}, around}); }
 void Painter::say_command() { add_task({Task::Kind::command, {}, {}}); }
 void Painter::magnify(Box const& part) { add_task({Task::Kind::magnify, {}, part}); }
 
@@ -127,7 +127,7 @@ void Painter::work() {
 void Painter::do_task(Task const& task) {
     switch (task.kind) {
     case Task::Kind::next:
-        go_on();
+        go_on(task.around);
         return;
     case Task::Kind::command:
         tell(scene_.command(task.request.view));
@@ -224,6 +224,7 @@ void Painter::publish(Request const& request, Picture picture, double effort) {
     frame.report = picture.report;
     frame.volume = scene_.volume();
     frame.arrival = arrival_;
+    frame.turn = turn_;
     full_.reset();
     if (effort >= 1 && arrival_.complete) full_ = std::move(picture);
     {
@@ -250,11 +251,12 @@ void Painter::save_picture(Request const& request) {
     }
 }
 
-void Painter::go_on() {
-    if (!scene_.next()) {
-        tell("this is the last volume");
+void Painter::go_on(bool around) {
+    if (!scene_.next() && !(around && scene_.first_again())) {
+        tell(no_next_volume);
         return;
     }
+    ++turn_;
     arrival_ = scene_.arrive();
     show_anew();
 }

@@ -19,6 +19,9 @@
 
 namespace vkt::shell::viewer {
 
+/// What is told where there is no next volume.
+inline constexpr char const* no_next_volume = "this is the last volume";
+
 /// A picture for the screen.
 struct Frame {
     View view;
@@ -32,6 +35,7 @@ struct Frame {
     render::RenderReport report; ///< of this picture
     std::weak_ptr<render::Renderer const> volume;
     Arrival arrival;
+    int turn = 0; ///< volumes that were shown before this one
 };
 
 /// Every view that is asked for is first drawn with the effort that meets the target time; such a frame is never given
@@ -48,8 +52,8 @@ public:
     void show(View view);
     /// Saves the full picture of the view that was last asked for.
     void save();
-    /// Goes on to the next volume.
-    void next();
+    /// Goes on to the next volume; `around`: from the last one to the first.
+    void next(bool around = false);
     /// Tells the command line of the view that was last asked for, as a message that begins with "vkt ".
     void say_command();
     /// Shows a part of the volume finer; an empty box: all of it.
@@ -79,6 +83,7 @@ private:
         enum class Kind { save, next, command, magnify } kind;
         Request request;
         Box part;
+        bool around = false;
     };
 
     void work();
@@ -89,7 +94,7 @@ private:
     void draw_more_paths(Request const& request);
     void publish(Request const& request, Picture picture, double effort);
     void save_picture(Request const& request);
-    void go_on();
+    void go_on(bool around);
     /// The same view of something else.
     void show_anew();
     void tell(std::string message);
@@ -116,6 +121,7 @@ private:
     std::int64_t shown_ = 0;     ///< number of the request that the last frame answers
     double shown_effort_ = 0;    ///< of that frame
     Arrival arrival_;            ///< of the volume
+    int turn_ = 0;               ///< volumes before this one
     render::Accumulation paths_; ///< of that request, once its full picture is begun
     int last_pass_ = 0;          ///< paths a pixel
     double last_pass_seconds_ = 0;

@@ -62,6 +62,7 @@ public:
         if (more) ++begun_;
         return more;
     }
+    bool first_again() override { return begun_ > 1 && opened_.rewind() && volumes_.next(); }
     Arrival arrive() override { return volumes_.arrive(); }
     std::shared_ptr<render::Renderer const> volume() override {
         return volumes_.partial() ? nullptr : volumes_.renderer();

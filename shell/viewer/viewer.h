@@ -34,6 +34,8 @@ public:
     virtual std::string command(View const&) { return {}; }
     /// Goes on to the next volume of the input; false if there is none. It may still be on its way then.
     virtual bool next() = 0;
+    /// After the last one: goes on to the first one again; false if there is no other or it cannot be had once more.
+    virtual bool first_again() { return false; }
     /// Looks how much of the volume is there and makes ready what has come; waits a moment for more.
     virtual Arrival arrive() { return {}; }
     /// What is shown, for values under the cursor, slices and histograms; null while nothing is there. It goes when the

@@ -38,6 +38,7 @@ std::vector<std::array<char const*, 2>> const& keys() {
         {"S", "save the picture"},
         {"P", "print the command that draws it"},
         {"N, Space", "next volume"},
+        {".", "play the volumes, stop"},
         {"H", "this help"},
         {"Q, Esc", "quit (Esc: first close what is open)"}};
     return all;

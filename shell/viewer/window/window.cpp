@@ -14,6 +14,7 @@
 #include <imgui_internal.h> // to close popups
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -25,6 +26,7 @@ namespace {
 
 /// A frame of a movement should take no longer: two refreshes of a common screen.
 constexpr double target_seconds = 0.030;
+constexpr auto time_of_volume = std::chrono::milliseconds(250); ///< while volumes are played
 constexpr float panel_points = 330;
 /// Narrower windows keep all of their width for the picture.
 constexpr float least_picture_points = 60;
@@ -106,6 +108,7 @@ private:
     void upload();
     void draw();
     void draw_picture(Area const& area);
+    void play();
     void set_title();
 
     bool panels_fit(float width) const { return panels_on_ && width >= panel_width() + least_picture_points; }
@@ -129,8 +132,11 @@ private:
     double x_ = 0, y_ = 0, clicked_ = -1; ///< where the mouse was, when it was pressed
     bool panels_on_ = true, magnified_ = false;
     bool closing_popups_ = false;
-    std::string clip_of_whole_; ///< while a part is magnified, whose voxels are others
-    int frames_left_ = 3;       ///< until the panels have come to rest
+    bool playing_ = false;
+    int asked_turn_ = 0;                                ///< of the volume that was asked for last while playing
+    std::chrono::steady_clock::time_point shown_since_; ///< …, of the one that is shown
+    std::string clip_of_whole_;                         ///< while a part is magnified, whose voxels are others
+    int frames_left_ = 3;                               ///< until the panels have come to rest
     Panels panels_;
     std::optional<Frame> frame_;
     std::string name_, facts_, message_, title_;
@@ -521,6 +527,11 @@ void Window::key(int which, int modifiers, bool repeated) {
     case GLFW_KEY_SPACE:
         do_wish(Wish::next);
         break;
+    case GLFW_KEY_PERIOD:
+        playing_ = !playing_;
+        asked_turn_ = 0;
+        frames_left_ = 3;
+        break;
     case GLFW_KEY_ESCAPE:
         // What is open over the picture or the panels is what it is meant for.
         if (ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel))
@@ -569,6 +580,7 @@ void Window::take_news() {
             facts_ += text(" at ", frame->paths, " of ", wanted, " paths");
         else if (frame->effort < 1)
             facts_ += text(" at ", frame->width, "x", frame->height);
+        if (!frame_ || frame_->turn != frame->turn) shown_since_ = std::chrono::steady_clock::now();
         frame_ = std::move(frame);
         upload();
         frames_left_ = std::max(frames_left_, 2);
@@ -576,6 +588,7 @@ void Window::take_news() {
     }
     while (std::optional<std::string> const message = painter_->take_message()) {
         bool const command = message->starts_with("vkt ");
+        if (*message == no_next_volume) playing_ = false;
         message_ = command ? "the command is in the terminal" : *message;
         note_(*message);
         frames_left_ = std::max(frames_left_, 2);
@@ -671,8 +684,17 @@ void Window::draw() {
     glfwSwapBuffers(window_);
 }
 
+/// While volumes are played: goes on once the last one that was asked for has been seen for a while.
+void Window::play() {
+    if (!playing_ || !frame_ || !frame_->arrival.complete || frame_->turn < asked_turn_) return;
+    if (std::chrono::steady_clock::now() - shown_since_ < time_of_volume) return;
+    asked_turn_ = frame_->turn + 1;
+    painter_->next(true);
+}
+
 void Window::set_title() {
     std::string title = text("vkt render: ", name_, " - ", facts_);
+    if (playing_) title += " - playing";
     if (painter_->saving())
         title += " - saving";
     else if (!message_.empty())
@@ -689,10 +711,13 @@ void Window::run() {
             glfwWaitEventsTimeout(0.2);
         else if (frames_left_ > 0)
             glfwWaitEventsTimeout(0.012);
+        else if (playing_)
+            glfwWaitEventsTimeout(0.05);
         else
             glfwWaitEvents();
         if (ImGui::IsAnyMouseDown() || ImGui::GetIO().WantTextInput) frames_left_ = std::max(frames_left_, 2);
         take_news();
+        play();
         if (frames_left_ > 0) {
             --frames_left_;
             draw();
