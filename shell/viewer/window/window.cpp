@@ -625,7 +625,7 @@ void Window::draw_picture(Area const& area) {
     for (int j = 0; j < cells; ++j)
         for (int i = 0; i < cells; ++i) {
             auto const place = [&](int x, int y) {
-                auto const [u, v] = places[static_cast<std::size_t>(y * (cells + 1) + x)];
+                auto const [u, v] = places[static_cast<std::size_t>(y) * (cells + 1) + static_cast<std::size_t>(x)];
                 return ImVec2{area.x + area.width * static_cast<float>(u),
                               area.y + area.height * static_cast<float>(v)};
             };
