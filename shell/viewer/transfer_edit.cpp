@@ -4,10 +4,13 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/byte_source.h"
+#include "libvkt/io/output_file.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 
 namespace vkt::shell::viewer {
@@ -206,6 +209,7 @@ TransferEdit edit_of(render::TransferFunction const& function, std::string const
     double greatest = 1e-9;
     for (auto const& p : points) greatest = std::max(greatest, p.alpha);
     std::vector<std::array<double, 2>> line;
+    line.reserve(points.size());
     for (auto const& p : points) line.push_back({p.value, render::extinction_of(p.alpha)});
     std::vector<bool> keep(points.size(), false);
     keep_bends(
@@ -415,6 +419,26 @@ std::vector<float> log_columns(Histogram const& histogram, ValueAxis const& axis
     for (std::size_t c = 0; c < columns; ++c)
         heights[c] = static_cast<float>(std::log1p(counts[c]) / std::log1p(greatest));
     return heights;
+}
+
+render::TransferFunction read_transfer(std::string const& path) {
+    auto const bytes = open_bytes(path);
+    std::string content(std::size_t{16} << 20, '\0');
+    std::size_t size = 0;
+    while (std::size_t const n = bytes->read(content.data() + size, content.size() - size)) size += n;
+    content.resize(size);
+    return render::transfer_from_json(content);
+}
+
+void save_transfer(std::string const& path, std::string const& json) {
+    if (std::error_code error; std::filesystem::exists(path, error)) try {
+            static_cast<void>(read_transfer(path));
+        } catch (Error const&) {
+            throw Error(ErrorKind::io, text("'", path, "' exists, and is no transfer function"), "choose another name");
+        }
+    OutputFile file(path, true);
+    file.write(json.data(), json.size());
+    file.commit();
 }
 
 } // namespace vkt::shell::viewer

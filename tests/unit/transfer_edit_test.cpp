@@ -6,6 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include <unistd.h>
 
 namespace vkt::shell::viewer {
 namespace {
@@ -183,6 +187,25 @@ TEST(Axes, integersLeaveNoGaps) {
     histogram.bins.assign(64, 0);
     histogram.bins[0] = histogram.bins[63] = 7;
     EXPECT_EQ(log_columns(histogram, {0, 4, false}, 40)[20], 0);
+}
+
+TEST(TransferEdit, filesThatAreNoneAreNotReplaced) {
+    namespace fs = std::filesystem;
+    fs::path const folder = fs::temp_directory_path() / ("vkt-transfer-" + std::to_string(::getpid()));
+    fs::create_directory(folder);
+    std::string const path = folder / "t.json", other = folder / "head.nrrd";
+    std::string const json = render::transfer_to_json(function_of(three()));
+    save_transfer(path, json);
+    save_transfer(path, json); // its own kind
+    EXPECT_EQ(render::transfer_to_json(read_transfer(path)), json);
+    std::ofstream(other) << "NRRD0004\nprecious";
+    EXPECT_THROW(save_transfer(other, json), Error);
+    std::ifstream kept(other);
+    std::string line;
+    std::getline(kept, line);
+    EXPECT_EQ(line, "NRRD0004");
+    EXPECT_THROW(save_transfer(folder / "none" / "t.json", json), Error);
+    fs::remove_all(folder);
 }
 
 TEST(Undo, goesBackAndForth) {

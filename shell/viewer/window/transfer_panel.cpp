@@ -5,8 +5,6 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/io/byte_source.h"
-#include "libvkt/io/output_file.h"
 
 #include <imgui.h>
 
@@ -116,9 +114,7 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
         };
         auto const write = [&](std::string const& content) {
             attempt([&] {
-                OutputFile file(name, true);
-                file.write(content.data(), content.size());
-                file.commit();
+                save_transfer(name, content);
                 file_message_ = "wrote " + name;
             });
         };
@@ -126,12 +122,7 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
         function.unit = shown.frame->report.unit;
         if (ImGui::Button("load"))
             attempt([&] {
-                auto const bytes = open_bytes(name);
-                std::string content(std::size_t{16} << 20, '\0');
-                std::size_t size = 0;
-                while (std::size_t const n = bytes->read(content.data() + size, content.size() - size)) size += n;
-                content.resize(size);
-                render::TransferFunction const read = render::transfer_from_json(content);
+                render::TransferFunction const read = read_transfer(name);
                 edit = edit_of(read, "");
                 if (read.unit > 0) view.look.unit = to_text(read.unit);
                 changed = true;
