@@ -417,12 +417,11 @@ open('sky.pfm', 'wb').write(b'PF\n16 8\n-1.0\n' + sky.tobytes())"
     quits
 }
 
-@test "a part in a box is resampled finer, and its command makes the same picture" {
-    with_display
-    opens
+# magnifies Y STEP: a part of the block in a box from there on, each step of the hand so many pixels down, shown finer.
+magnifies() {
     presses b
-    xdotool mousemove --window "$window" 130 90 mousedown 1
-    for _ in {1..6}; do xdotool mousemove_relative 10 8; done
+    xdotool mousemove --window "$window" 130 "$1" mousedown 1
+    for _ in {1..6}; do xdotool mousemove_relative 10 "$2"; done
     xdotool mouseup 1
     sleep 0.3
     presses Return
@@ -430,6 +429,12 @@ open('sky.pfm', 'wb').write(b'PF\n16 8\n-1.0\n' + sky.tobytes())"
         [[ "$(xdotool getwindowname "$window")" != *'(24 18 30)'* ]] && break
         sleep 0.1
     done
+}
+
+@test "a part in a box is resampled finer, and its command makes the same picture" {
+    with_display
+    opens
+    magnifies 90 8
     titled ' ms'
     saves block_24x18x30_uint8.png
     presses p
@@ -567,16 +572,7 @@ clip_said() {
     drags_clip
     of_whole=$(clip_said)
     echo "$of_whole"
-    presses b
-    xdotool mousemove --window "$window" 130 150 mousedown 1
-    for _ in {1..6}; do xdotool mousemove_relative 10 10; done
-    xdotool mouseup 1
-    sleep 0.3
-    presses Return
-    for _ in {1..100}; do
-        [[ "$(xdotool getwindowname "$window")" != *'(24 18 30)'* ]] && break
-        sleep 0.1
-    done
+    magnifies 150 10
     # Undo brings no voxels of the whole into the part.
     presses ctrl+z
     titled '[0-9]+ ms'

@@ -14,9 +14,7 @@
 namespace vkt {
 namespace {
 
-/// A GPU takes as much at once as several slabs hold, and all but one of its readers wait while it does.
-constexpr std::size_t slabs_ahead = 3, slabs_ahead_of_gpu = 6;
-constexpr std::size_t slab_for_gpu = std::size_t{32} << 20;
+constexpr std::size_t slabs_ahead = 3;
 
 struct Slab {
     Box box;
@@ -42,7 +40,7 @@ public:
         Header part = inner().header();
         part.dims.x = region.dims().x;
         part.dims.y = region.dims().y;
-        cut_ = cut_of(part, slices_at_once(part), execution_);
+        cut_ = cut_of(part, slab_hint_on(execution_, part, 0), execution_);
         if (region.dims().z <= cut_.slices && region.dims().y <= cut_.rows) return; // one read is all there is
         start();
     }
@@ -72,16 +70,6 @@ public:
     }
 
 private:
-    bool feeds_gpu() const { return execution_.device == Device::gpu; }
-    /// 0: as many as suit the caches.
-    std::int64_t slices_at_once(Header const& header) const {
-        if (!feeds_gpu()) return 0;
-        auto const slices =
-            static_cast<std::int64_t>(slab_for_gpu / (header.bytes() / static_cast<std::size_t>(header.dims.z)));
-        return std::max<std::int64_t>(slices, 1);
-    }
-    std::size_t most_ahead() const { return feeds_gpu() ? slabs_ahead_of_gpu : slabs_ahead; }
-
     ConstView view_of(Slab const& slab) const {
         return dense_view(const_cast<Buffer&>(slab.voxels).read(Space::host), inner().header().dtype, slab.box);
     }
@@ -140,7 +128,7 @@ private:
         Slab slab;
         {
             std::unique_lock lock(mutex_);
-            changed_.wait(lock, [&] { return cancel_ || ready_.size() < most_ahead(); });
+            changed_.wait(lock, [&] { return cancel_ || ready_.size() < slabs_ahead; });
             if (cancel_) return false;
             if (!spare_.empty()) {
                 slab = std::move(spare_.back());

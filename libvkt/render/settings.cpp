@@ -4,6 +4,7 @@
 
 #include "libvkt/formats/format.h"
 #include "libvkt/render/passes.h"
+#include "libvkt/render/transfer_file.h"
 
 #include <algorithm>
 #include <array>
@@ -50,22 +51,6 @@ std::pair<int, int> read_size(std::string const& words) {
     if (parts.size() == 1) return {read(parts[0]), read(parts[0])};
     if (parts.size() != 2) refuse(text("--size '", words, "' is not WxH"), "for example --size 1024x768");
     return {read(parts[0]), read(parts[1])};
-}
-
-std::string read_text_file(std::string const& path) {
-    auto const bytes = open_bytes(path);
-    constexpr std::size_t most = std::size_t{16} << 20;
-    std::string content(most + 1, '\0');
-    std::size_t size = 0;
-    while (size < content.size()) {
-        std::size_t const n = bytes->read(content.data() + size, content.size() - size);
-        if (n == 0) break;
-        size += n;
-    }
-    if (size > most)
-        throw Error(ErrorKind::data, text("the transfer function file '", path, "' is larger than 16 MiB"));
-    content.resize(size);
-    return content;
 }
 
 } // namespace
@@ -357,8 +342,7 @@ RenderSettings SettingsParameters::settings() const {
     if (!s.lut.empty()) (void)transfer_from_lut(s.lut, 0, 1);
     if (!transfer_file_.empty()) {
         // Once: a pipe gives it to the first who asks.
-        bool const inlined = transfer_file_.starts_with('{') || transfer_file_.starts_with('[');
-        if (!transfer_) transfer_ = transfer_from_json(inlined ? transfer_file_ : read_text_file(transfer_file_));
+        if (!transfer_) transfer_ = transfer_of_word(transfer_file_);
         s.transfer = transfer_;
     }
     if (list_->given("occlusion-radius") && s.ambient_occlusion == 0)

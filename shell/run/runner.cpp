@@ -44,9 +44,8 @@ Execution Runner::execution_of(Invocation const& stage) const {
 }
 
 bool Runner::feeds_gpu() const {
-    return gpu_count() > 0 && std::ranges::any_of(stages_, [&](Invocation const& stage) {
-               return stage.common().execution().device == Device::gpu;
-           });
+    return std::ranges::any_of(
+        stages_, [](Invocation const& stage) { return stage.common().execution().device == Device::gpu; });
 }
 
 StageInfo Runner::stage_info(Invocation const& stage) {

@@ -4,8 +4,8 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/io/byte_source.h"
 #include "libvkt/io/output_file.h"
+#include "libvkt/render/transfer_file.h"
 
 #include <algorithm>
 #include <array>
@@ -421,18 +421,9 @@ std::vector<float> log_columns(Histogram const& histogram, ValueAxis const& axis
     return heights;
 }
 
-render::TransferFunction read_transfer(std::string const& path) {
-    auto const bytes = open_bytes(path);
-    std::string content(std::size_t{16} << 20, '\0');
-    std::size_t size = 0;
-    while (std::size_t const n = bytes->read(content.data() + size, content.size() - size)) size += n;
-    content.resize(size);
-    return render::transfer_from_json(content);
-}
-
 void save_transfer(std::string const& path, std::string const& json) {
     if (std::error_code error; std::filesystem::exists(path, error)) try {
-            static_cast<void>(read_transfer(path));
+            static_cast<void>(render::read_transfer(path));
         } catch (Error const&) {
             throw Error(ErrorKind::io, text("'", path, "' exists, and is no transfer function"), "choose another name");
         }

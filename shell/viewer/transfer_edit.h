@@ -114,9 +114,7 @@ private:
     std::size_t at_ = 0;
 };
 
-/// The transfer function in a file, ours or ParaView's. Throws Error.
-render::TransferFunction read_transfer(std::string const& path);
-/// Writes one, as text. A file of that name is replaced if it is a transfer function, too. Throws Error.
+/// Writes a transfer function, as text. A file of that name is replaced if it is one, too. Throws Error.
 void save_transfer(std::string const& path, std::string const& json);
 
 } // namespace vkt::shell::viewer

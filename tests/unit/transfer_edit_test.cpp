@@ -1,5 +1,6 @@
 // Editing of transfer functions, without a window: knots, colours, presets, axes, undo.
 // SPDX-License-Identifier: MIT
+#include "libvkt/render/transfer_file.h"
 #include "shell/viewer/transfer_edit.h"
 #include "tests/unit/render_testing.h"
 
@@ -197,7 +198,7 @@ TEST(TransferEdit, filesThatAreNoneAreNotReplaced) {
     std::string const json = render::transfer_to_json(function_of(three()));
     save_transfer(path, json);
     save_transfer(path, json); // its own kind
-    EXPECT_EQ(render::transfer_to_json(read_transfer(path)), json);
+    EXPECT_EQ(render::transfer_to_json(render::read_transfer(path)), json);
     std::ofstream(other) << "NRRD0004\nprecious";
     EXPECT_THROW(save_transfer(other, json), Error);
     std::ifstream kept(other);

@@ -4,9 +4,8 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/io/whole_text.h"
 #include "libvkt/operations/statistics/noise_level.h"
-#include "libvkt/render/transfer.h"
+#include "libvkt/render/transfer_file.h"
 
 #include <algorithm>
 #include <array>
@@ -29,11 +28,6 @@ void require_background(double physical, Header const& in) {
 }
 
 std::size_t bytes_of(Volume const& tree) { return tree.header().bytes() + tree.bricks().bytes(); }
-
-render::TransferFunction transfer_of(std::string const& words) {
-    bool const inlined = words.starts_with('{') || words.starts_with('[');
-    return render::transfer_from_json(inlined ? words : whole_text(words, std::size_t{16} << 20));
-}
 
 /// How far colour times opacity, or opacity, goes from the least value on, in display levels: at every value that of
 /// the four that goes furthest there.
@@ -246,7 +240,7 @@ void Refine::begin(std::span<Header const> inputs, Plan const&) {
 
 render::TransferFunction const& Refine::function() const {
     return *function_.of(transfer, [](std::string const& words) {
-        auto const function = std::make_shared<render::TransferFunction>(transfer_of(words));
+        auto const function = std::make_shared<render::TransferFunction>(render::transfer_of_word(words));
         function->check_and_sort();
         return std::shared_ptr<render::TransferFunction const>(function);
     });

@@ -5,6 +5,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/transfer_file.h"
 
 #include <imgui.h>
 
@@ -122,7 +123,7 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
         function.unit = shown.frame->report.unit;
         if (ImGui::Button("load"))
             attempt([&] {
-                render::TransferFunction const read = read_transfer(name);
+                render::TransferFunction const read = render::read_transfer(name);
                 edit = edit_of(read, "");
                 if (read.unit > 0) view.look.unit = to_text(read.unit);
                 changed = true;

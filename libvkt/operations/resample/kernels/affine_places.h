@@ -82,22 +82,29 @@ struct Tally {
     std::int64_t outside = 0;
 };
 
-/// Calls f(tile, tally) for tiles of at most this extent that cover the box: what the samples of a tile look at lies
-/// together, however the rows run through the volume.
-template <class F>
+struct NoScratch {};
+
+/// Calls f(tile, tally), or f(tile, tally, scratch) with what a thread keeps from tile to tile, for tiles of at most
+/// this extent that cover the box: what the samples of a tile look at lies together, however the rows run through the
+/// volume.
+template <class Scratch = NoScratch, class F>
 void for_each_tile(Execution const& execution, Box const& box, Index3 extent, Losses& losses, std::int64_t& outside,
                    F const& f) {
     auto const pieces = [&](int axis) { return (box.dims()[axis] + extent[axis] - 1) / extent[axis]; };
     std::int64_t const nx = pieces(0), ny = pieces(1), nz = pieces(2);
     for_each_item(threads_for(execution, box.voxels()), nx * ny * nz, [&](std::int64_t begin, std::int64_t end) {
         Tally tally;
+        Scratch scratch;
         for (std::int64_t item = begin; item < end; ++item) {
             tell_progress(execution, begin, item, end);
             Box tile;
             tile.lower = {box.lower.x + item % nx * extent.x, box.lower.y + item / nx % ny * extent.y,
                           box.lower.z + item / nx / ny * extent.z};
             tile.upper = tile.lower + extent;
-            f(intersect(tile, box), tally);
+            if constexpr (std::is_same_v<Scratch, NoScratch>)
+                f(intersect(tile, box), tally);
+            else
+                f(intersect(tile, box), tally, scratch);
         }
         stream_fence();
         driver::add(losses, tally.losses);

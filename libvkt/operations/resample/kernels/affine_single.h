@@ -166,8 +166,9 @@ public:
 
     void run(Losses& losses, std::int64_t& outside, Execution const& execution) const {
         for_each_single_type(in_.type, [&]<class T>(T) {
-            for_each_tile(execution, out_.box, affine_tile, losses, outside,
-                          [&](Box const& tile, Tally& tally) { sample<T>(tile, tally); });
+            using Voxels = Interleaved<T, slices_at_once>;
+            for_each_tile<Voxels>(execution, out_.box, affine_tile, losses, outside,
+                                  [&](Box const& tile, Tally& tally, Voxels& voxels) { sample(tile, tally, voxels); });
         });
     }
 
@@ -188,7 +189,7 @@ private:
         return plane_ == 1 ? row_of(rule_.map, {}, row, slice) : row_of(rule_.map, {}, slice, row);
     }
 
-    template <class T> void sample(Box const& tile, Tally& tally) const {
+    template <class T> void sample(Box const& tile, Tally& tally, Interleaved<T, slices_at_once>& voxels) const {
         Shared shared;
         std::int64_t const first = tile.lower[still_.axis];
         for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
@@ -197,11 +198,9 @@ private:
             shared.places[row].find(Places(in_, at), static_cast<double>(shared.ranges[row].interior.begin),
                                     shared.count(row));
         }
-        if (tile.dims()[still_.axis] == slices_at_once) {
-            thread_local Interleaved<T, slices_at_once> voxels;
-            if (voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_]))
-                return sample_interleaved(tile, shared, voxels, tally);
-        }
+        if (tile.dims()[still_.axis] == slices_at_once &&
+            voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_]))
+            return sample_interleaved(tile, shared, voxels, tally);
         sample_gathered<T>(tile, shared, tally);
     }
     Outline outline(Box const& tile) const {

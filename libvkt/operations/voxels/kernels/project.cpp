@@ -182,16 +182,19 @@ struct Below {
     template <class V> static auto picks(V a, V v) { return v < a; }
 };
 
-/// What a functor makes of the lanes, the upper half with the lower one at a time: one after the other would take as
-/// long as the row.
+/// What a functor makes of values in lanes, the upper half with the lower one at a time: one after the other would take
+/// as long as the row.
+template <class A, std::size_t n, class F> A folded(A (&values)[n], F const f) {
+#pragma GCC unroll 6
+    for (std::size_t half = n / 2; half > 0; half /= 2)
+#pragma omp simd
+        for (std::size_t i = 0; i < half; ++i) values[i] = f(values[i], values[i + half]);
+    return values[0];
+}
 template <class A, class F> A folded_lanes(Lanes<A> const& from, F const f) {
     A values[static_cast<std::size_t>(lane_count<A>)];
     store_lanes(values, from);
-#pragma GCC unroll 6
-    for (std::int64_t half = lane_count<A> / 2; half > 0; half /= 2)
-#pragma omp simd
-        for (std::int64_t i = 0; i < half; ++i) values[i] = f(values[i], values[i + half]);
-    return values[0];
+    return folded(values, f);
 }
 
 /// The extreme of a row, as if its voxels were looked at one after the other. `numbers` becomes false if some may be
@@ -259,13 +262,7 @@ template <class T> void add_extremes(ProjectionState& state, ConstView in, Execu
     });
 }
 
-/// What lanes that take turns along a row have in the end, added up in pairs.
 constexpr int row_lanes = 16;
-template <class A> A sum_of_lanes(A (&lanes)[row_lanes]) {
-    for (int half = row_lanes / 2; half > 0; half /= 2)
-        for (int j = 0; j < half; ++j) lanes[j] += lanes[j + half];
-    return lanes[0];
-}
 
 /// The sum of a row, its numbers in lanes that take turns: the same ones whatever the registers hold. What is no number
 /// adds nothing, but to `nan`.
@@ -291,7 +288,7 @@ template <class A, class T> A sum_of_row(T const* row, std::int64_t n, std::int6
         missing[j] += is_nan(row[k]);
     }
     for (std::int32_t const count : missing) nan += count;
-    return sum_of_lanes(sums);
+    return folded(sums, Plus{});
 }
 
 /// Calls f(lines) for parts of the lines of at most `most` voxels, in order.
