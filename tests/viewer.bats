@@ -23,7 +23,8 @@ teardown() {
 }
 
 # on_terminal COMMAND: runs it with a terminal as standard output; what it says goes to the file log.
-on_terminal() { script -qec "$1" /dev/null </dev/null >log 2>&1 3>&-; }
+# The shell is the same for everybody: script takes SHELL.
+on_terminal() { SHELL=/bin/sh script -qec "$1" /dev/null </dev/null >log 2>&1 3>&-; }
 
 # with_display: starts a display of our own, or skips with the reason.
 with_display() {
@@ -687,7 +688,9 @@ shown() {
     presses period
     titled ' ms'
     quits
-    volume="- < <(vkt read 'step*.nrrd')"
+    mkfifo steps
+    vkt read 'step*.nrrd' --transport pipe >steps 3>&- &
+    volume='- <steps'
     opens
     presses period
     titled ' ms - this is the last volume'
