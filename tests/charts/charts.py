@@ -165,7 +165,7 @@ def gaussians(options):
     ndimage, cv2, itk = module("scipy.ndimage"), module("cv2"), module("SimpleITK")
     n = options.size
     v = field(n)
-    volume, command = vkt.Volume(v), gmic(v)
+    volume, command, teem = vkt.Volume(v), gmic(v), unu(v)
     charts = []
     for sigma in (1, 2, 4, 8, 16, 32):
         chart = Chart(f"gaussian-{sigma}", f"Gaussian, sigma {sigma}, {n}^3 float32", "largest error, of the range", options)
@@ -187,6 +187,9 @@ def gaussians(options):
                     return itk.GetArrayFromImage(itk.DiscreteGaussian(image, sigma**2, 16 * sigma, most, False))
                 chart.add("ITK", f"discrete {most:g}", discrete, error)
             chart.add("ITK recursive", "", lambda: itk.GetArrayFromImage(itk.SmoothingRecursiveGaussian(image, sigma)), error)
+        if teem:
+            for cut in (3, 4, 5):
+                teem.resample(chart, f"cut at {cut}", ["x1"] * 3, f"gauss:{sigma},{cut}", error)
         if command:
             for kind, name in enumerate(("recursive, Deriche", "recursive, Vliet")):
                 command.add(chart, name, f"blur {sigma},1,{kind}", error)
@@ -218,6 +221,42 @@ class Gmic:
         chart.point("G'MIC", variant, best, error_of(result))
 
 
+class Unu:
+    """teem's command, which does not time itself: what `unu save` takes for a result as large is taken off."""
+
+    def __init__(self, v, program):
+        self.folder, self.program = tempfile.TemporaryDirectory(), program
+        with open(f"{self.folder.name}/in.nrrd", "wb") as file:
+            sizes = " ".join(map(str, v.shape[::-1]))
+            file.write(f"NRRD0001\ntype: float\ndimension: 3\nsizes: {sizes}\nencoding: raw\nendian: little\n\n".encode())
+            file.write(v.astype("<f4").tobytes())
+
+    def seconds(self, runs, *words):
+        call = lambda: subprocess.run([self.program, *words], stderr=subprocess.DEVNULL, check=True)
+        return seconds_of(call, runs)[0]
+
+    def resample(self, chart, variant, sizes, kernel, error_of):
+        """A point of the chart; sizes as unu takes them, centres of cells, ends that go on."""
+        runs, out = chart.options.runs, f"{self.folder.name}/out.nrrd"
+        seconds = self.seconds(runs, "resample", "-i", f"{self.folder.name}/in.nrrd", "-s", *sizes, "-k", kernel,
+                               "-b", "mirror", "-c", "cell", "-co", "-o", out)
+        with open(out, "rb") as file:
+            head, _, voxels = file.read().partition(b"\n\n")
+        shape = list(map(int, re.search(rb"sizes: ([0-9 ]+)", head).group(1).split()))[::-1]
+        result = np.frombuffer(voxels, "<f4").reshape(shape)
+        files = self.seconds(runs, "save", "-f", "nrrd", "-i", out, "-o", f"{self.folder.name}/copy.nrrd")
+        chart.point("unu", variant, max(seconds - files, 1e-6), error_of(result))
+
+
+def unu(v):
+    """None, and noted as missing, where it is not installed."""
+    program = shutil.which("unu") or shutil.which("teem-unu")
+    if program:
+        return Unu(v, program)
+    missing.add("unu")
+    return None
+
+
 def gmic(v):
     """None, and noted as missing, where it is not installed."""
     if shutil.which("gmic"):
@@ -241,7 +280,7 @@ def resampling(options):
     ndimage, itk, transform = module("scipy.ndimage"), module("SimpleITK"), module("skimage.transform")
     n = options.size
     v = waves(grid(n)).astype(np.float32)
-    volume = vkt.Volume(v)
+    volume, teem = vkt.Volume(v), unu(v)
     charts = []
     for name, m in (("half", n // 2), ("larger", n * 3 // 2)):
         chart = Chart(f"resample-{name}", f"{n}^3 to {m}^3, a smooth field", "largest error, of the range", options)
@@ -253,6 +292,10 @@ def resampling(options):
         for order in (0, 1, 3, 5):
             chart.add("SciPy", f"order {order}",
                       lambda: ndimage.zoom(v, m / n, order=order, mode="nearest", grid_mode=True), error)
+        if teem:
+            # Smaller with its kernels for larger ones too: a smooth field needs no average.
+            for label, kernel in (("tent", "tent"), ("Catmull-Rom", "cubic:0,0.5"), ("Hann, radius 4", "hann:4")):
+                teem.resample(chart, label, [str(m)] * 3, kernel, error)
         if transform:
             for order in (1, 3):
                 chart.add("skimage", f"order {order}",
