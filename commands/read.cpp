@@ -53,7 +53,10 @@ Command read_command() {
           {"Bare voxels; dims and type stand in the name", "vkt info engine_8x8x8_uint8.raw"},
           {"Bare voxels that say nothing",
            "head -c 24000 /dev/zero | vkt read - --dims 40 30 10 --dtype int16 --endian big | vkt info"},
-          {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info"}}});
+          {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info"},
+          {"One of several volumes",
+           "vkt flip x volume.nrrd -o flipped.nrrd && vkt stack volume.nrrd flipped.nrrd -o series.nrrd && vkt read "
+           "series.nrrd --index 1 | vkt diff - flipped.nrrd"}}});
 }
 
 } // namespace vkt::shell

@@ -36,19 +36,11 @@ std::unique_ptr<Source> open_any(std::string const& path, ReadOptions const& opt
     });
 }
 
-/// The volume of that index; -1 takes the first and insists that there is no other.
-Volume read_one(Source& source, std::string const& path, std::int64_t index, Execution const& execution) {
-    auto const next = [&](std::int64_t i) {
-        if (!source.next_volume())
-            throw Error(ErrorKind::usage, text("'", path, "' holds ", i, " volumes; --index counts from 0"));
-    };
-    for (std::int64_t i = 0; i < index; ++i) {
-        next(i);
-        source.finish();
-    }
-    next(std::max<std::int64_t>(index, 0));
+/// The only volume of a source.
+Volume read_one(Source& source, std::string const& path, Execution const& execution) {
+    if (!source.next_volume()) throw Error(ErrorKind::usage, text("'", path, "' holds no volume"));
     Volume volume = load(source, execution);
-    if (index < 0 && source.next_volume())
+    if (source.next_volume())
         throw Error(ErrorKind::usage, text("'", path, "' holds several volumes"), "say --index N, counted from 0");
     return volume;
 }
@@ -76,18 +68,15 @@ vkt_status vkt_read(char const* path, char const* const* words, size_t count, vk
         ReadRequest request;
         ExecutionOptions options = call.policy();
         Parameters parameters, own, shared;
-        std::int64_t index = -1;
         bool trust_paths = false;
         request.declare(parameters);
         ReadRequest::declare_trust(own, trust_paths);
-        own.option("index", index, "N", "which volume of a file that holds several, counted from 0");
         options.declare(shared);
         read_options(words, count, {&parameters, &own, &shared});
         request.check();
         request.trust(trust_paths);
-        if (own.given("index") && index < 0) throw Error(ErrorKind::usage, text("--index ", index, " is negative"));
         auto const source = request.region_of(open_any(path, request.options(), call));
-        Volume result = read_one(*source, path, index, call.execution(options));
+        Volume result = read_one(*source, path, call.execution(options));
         if (!result.header().history) {
             std::vector<std::string> step{"read", path};
             for (auto& word : parameters.words()) step.push_back(std::move(word));

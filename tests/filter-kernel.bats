@@ -170,9 +170,10 @@ r = np.random.default_rng(3)
 print(17, 15, 13, *r.normal(size=17 * 15 * 13), file=open('huge.txt', 'w'))
 v = r.normal(size=(21, 70, 131)).astype('f4')
 v.tofile('w_131x70x21_float32.raw')
+print(17, 15, 3, *r.normal(size=17 * 15 * 3), file=open('flat.txt', 'w'))
 v[3, 8, 100], v[18, 60, 20] = np.nan, np.inf
 v.tofile('s_131x70x21_float32.raw')"
-    vkt filter kernel huge.txt w_131x70x21_float32.raw -n --explain -o x.vkt 2>&1 | grep -q 'Fourier transforms, kernel 17x15x13, squares of 64'
+    vkt filter kernel huge.txt w_131x70x21_float32.raw -n --explain -o x.vkt 2>&1 | grep -q 'Fourier transforms, kernel 17x15x13, squares of [0-9]'
     for name in w s; do
         for method in auto direct; do
             vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --method $method --format raw -o $name$method.raw
@@ -181,6 +182,10 @@ v.tofile('s_131x70x21_float32.raw')"
             vkt filter kernel huge.txt ${name}_131x70x21_float32.raw $options --format raw -o b.raw --force
             cmp ${name}auto.raw b.raw
         done
+        # More threads than pairs of squares: these are cut along z.
+        vkt filter kernel flat.txt ${name}_131x70x21_float32.raw --method fft --threads 1 --format raw -o one.raw --force
+        vkt filter kernel flat.txt ${name}_131x70x21_float32.raw --method fft --threads 9 --format raw -o nine.raw --force
+        cmp one.raw nine.raw
         vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --roi 40:99,13:60,2:9 | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw >b.raw
         vkt filter kernel huge.txt ${name}_131x70x21_float32.raw | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw | cmp - b.raw
     done

@@ -29,6 +29,34 @@ values() { vkt write - --format raw; }
     fails_with 4 "no file matches" vkt read 'stop_*.raw' --dims 6 5 4 --dtype uint16
 }
 
+@test "of several volumes those are read whose numbers are said" {
+    series | vkt write all.vkt
+    series | vkt write 'out_%d.nrrd'
+    cat out_1.nrrd >single.nrrd
+    for input in "'step_*.raw' --dims 6 5 4 --dtype uint16" all.vkt "'out_*.nrrd'" '- <all.vkt'; do
+        eval "vkt read $input --index 1" | values | cmp - step_9.raw
+        eval "vkt read $input --index 2" | values | cmp - step_10.raw
+        eval "vkt read $input --index ::2" | vkt write 'some_%d.nrrd' --force
+        vkt read some_0.nrrd | values | cmp - step_1.raw
+        vkt read some_1.nrrd | values | cmp - step_10.raw
+        [ ! -e some_2.nrrd ]
+        eval "vkt read $input --index 1:" | vkt stats --json | grep -c '"argmax"' >count
+        [ "$(cat count)" -eq 2 ]
+        eval "vkt read $input --index 0:2 --roi 1:3,:,2:" | vkt info --json | grep -c '"dims"' >count
+        [ "$(cat count)" -eq 2 ]
+        eval "fails_with 2 'index 3: there are 3 volumes, counted from 0' vkt read $input --index 3 -o x.vkt"
+        [ ! -e x.vkt ]
+        eval "fails_with 2 'index 1:4: there are 3 volumes' vkt read $input --index 1:4 -o x.vkt"
+        [ ! -e x.vkt ]
+    done
+    fails_with 2 'there is 1 volume' vkt read single.nrrd --index 1
+    for wrong in -1 x 2:2 3:1 ::0 1:2:3:4 ''; do fails_with 2 index vkt read all.vkt "--index=$wrong"; done
+    # What comes behind in a stream is looked at all the same, and the recipe says which one it was.
+    head -c -20 all.vkt >cut.vkt
+    fails_with 3 'ended early' vkt read - --index 0 <cut.vkt
+    vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 --index 1 | vkt history - | grep -q -- '--index 1'
+}
+
 @test "every stage does to each volume what it does to one" {
     while IFS= read -r line; do
         # shellcheck disable=SC2086

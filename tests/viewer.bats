@@ -676,6 +676,70 @@ shown() {
     return 1
 }
 
+@test "a comma goes back to the volume before; what a pipe has brought does not come again" {
+    with_display
+    for n in 1 2 3; do vkt make noise --dims 16 16 16 --dtype uint8 --seed $n --no-history -o "step$n.nrrd"; done
+    volume="'step*.nrrd'"
+    opens
+    screenshot 20 20 200 150 first.ppm
+    presses comma
+    titled 'no volume before that can be had once more'
+    presses n
+    titled ' ms'
+    screenshot 20 20 200 150 second.ppm
+    presses n
+    titled ' ms'
+    presses comma
+    titled ' ms'
+    screenshot 20 20 200 150 now.ppm
+    cmp now.ppm second.ppm
+    presses comma
+    titled ' ms'
+    screenshot 20 20 200 150 now.ppm
+    cmp now.ppm first.ppm
+    run ! cmp -s first.ppm second.ppm
+    # It goes on from there.
+    presses n
+    titled ' ms'
+    screenshot 20 20 200 150 now.ppm
+    cmp now.ppm second.ppm
+    quits
+    mkfifo steps
+    vkt read 'step*.nrrd' --transport pipe >steps 3>&- &
+    volume='- <steps'
+    opens
+    presses n
+    titled ' ms'
+    presses comma
+    titled 'no volume before that can be had once more'
+    quits
+}
+
+@test "k shows what is greatest, least and the mean along rays, as the command that it prints does" {
+    with_display
+    opens --light-direction 1,1,1 --opacity-scale 2
+    for algorithm in maximum minimum mean maximum; do
+        presses k
+        titled "$algorithm, .* ms"
+        presses p
+        titled 'the command is in the terminal'
+        said=$(command_of)
+        echo "$said"
+        [[ "$said" == *"--render-algo $algorithm"* ]]
+        eval "$said"
+        presses s
+        titled 'saved .*'
+        saved=$(xdotool getwindowname "$window")
+        saved=${saved##*saved }
+        drawn=$(ls -t ./*.png | grep -v "^./$saved\$" | head -n 1)
+        cmp <(pixels_of "$saved") <(pixels_of "$drawn")
+        rm ./*.png
+    done
+    presses m
+    titled 'ray-marching, .* ms'
+    quits
+}
+
 @test "volumes are played again and again until they are stopped, those of a pipe once" {
     with_display
     for n in 1 2 3; do vkt make noise --dims 16 16 16 --dtype uint8 --seed $n --no-history -o "step$n.nrrd"; done

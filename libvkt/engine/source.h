@@ -39,7 +39,7 @@ public:
 
     /// Moves to the next volume; false when the sequence has ended properly. Must be called before header().
     virtual bool next_volume() = 0;
-    /// After next_volume() said false: goes back before the first volume, if the sequence can be had once more.
+    /// Goes back before the first volume, wherever in the sequence, if it can be had once more.
     virtual bool rewind() { return false; }
     virtual Header const& header() const = 0;
     virtual Access access() const = 0;

@@ -37,6 +37,7 @@ void ReadRequest::declare(Parameters& p) {
     p.flag("personal", options_.personal, "DICOM: keep who was examined, when and where, as attributes");
     p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels; X0:X1:S is every S-th");
     p.option("roi-world", world_roi_, "R", "read only this region, in world units");
+    p.option("index", index_, "N|A:B:S", "read only this volume of several, counted from 0, or every S-th from A to B");
 }
 
 void ReadRequest::declare_trust(Parameters& p, bool& trust_paths) {
@@ -66,6 +67,7 @@ std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
 
 std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,
                                                std::function<void(Box const&)> on_region) const {
+    if (index_) source = selected(std::move(source), *index_);
     return vkt::region_of(std::move(source), roi_, world_roi_, std::move(on_region));
 }
 

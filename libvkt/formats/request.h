@@ -4,6 +4,7 @@
 
 #include "libvkt/core/parameters.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/volume_selection.h"
 
 #include <functional>
 #include <memory>
@@ -32,11 +33,11 @@ public:
     static void declare_trust(Parameters& p, bool& trust_paths);
     void trust(bool paths) { options_.trust_paths = paths; }
     void check() const; ///< throws Error{usage}
-    /// All volumes of a file, or of the files that a pattern matches, as they were described.
+    /// All volumes of a file, or of the files that a pattern matches, as they were described; region_of() chooses.
     std::unique_ptr<Source> open(std::string const& path) const;
     /// What is said about the file.
     ReadOptions options() const;
-    /// The part of a source that was asked for; `on_region` as in region_source.h.
+    /// The volumes of a source, and the part of each, that were asked for; `on_region` as in region_source.h.
     std::unique_ptr<Source> region_of(std::unique_ptr<Source> source,
                                       std::function<void(Box const&)> on_region = {}) const;
 
@@ -45,6 +46,7 @@ private:
     std::optional<Endian> endian_;
     Roi roi_;
     WorldRoi world_roi_;
+    std::optional<VolumeRange> index_;
 };
 
 class WriteRequest {

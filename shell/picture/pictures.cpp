@@ -70,9 +70,13 @@ bool Volumes::open() {
     return true;
 }
 
-bool Volumes::rewind() {
+bool Volumes::rewind_to(std::int64_t volume) {
     if (!source_.rewind()) return false;
     another_.reset();
+    for (; volume > 0 && another(); --volume) {
+        source_.finish();
+        another_.reset();
+    }
     return true;
 }
 

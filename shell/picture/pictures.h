@@ -28,8 +28,8 @@ public:
     bool another();
     /// Moves on to the next one without loading it. Throws Error{resources} beyond the budget.
     bool open();
-    /// After the last one: the first one is next again, if the input can be had once more.
-    bool rewind();
+    /// Goes back: the volume with this number, from 0, is next, if the input can be had once more.
+    bool rewind_to(std::int64_t volume);
     /// Loads the next one; without one, the last one stays. Throws the same.
     bool next();
     render::Renderer const& renderer() const { return *renderer_; }

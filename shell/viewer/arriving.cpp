@@ -57,9 +57,13 @@ void ArrivingVolumes::stop() {
 
 Header const& ArrivingVolumes::header() const { return part_ ? part_->header() : header_; }
 
-bool ArrivingVolumes::next() {
-    if (reader_.joinable()) reader_.join(); // who reads on must have come to the end of the volume
+void ArrivingVolumes::settle() {
+    if (reader_.joinable()) reader_.join();
     if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
+}
+
+bool ArrivingVolumes::next() {
+    settle();
     if (!open_()) return false;
     renderer_.reset();
     part_.reset();

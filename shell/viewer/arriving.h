@@ -29,6 +29,8 @@ public:
     ArrivingVolumes& operator=(ArrivingVolumes const&) = delete;
 
     bool next();
+    /// Waits until the volume has come to its end; throws what went wrong on the reading thread.
+    void settle();
     /// Waits a little for something new and makes it ready; throws what went wrong on the reading thread.
     Arrival arrive();
     /// Of what is shown: the whole volume's, or that of its part.

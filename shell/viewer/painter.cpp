@@ -44,7 +44,8 @@ void Painter::show(View view) {
 void Painter::add_task(Task task) {
     {
         std::lock_guard const lock(mutex_);
-        bool const again = task.kind == Task::Kind::next && !tasks_.empty() && tasks_.back().kind == Task::Kind::next;
+        bool const again = task.kind == Task::Kind::go_on && !tasks_.empty() &&
+                           tasks_.back().kind == Task::Kind::go_on && tasks_.back().turn == task.turn;
         task.request = wanted_;
         if (task.kind == Task::Kind::save) saving_ = true;
         // What is drawn now is of no use any more, or need not be waited for.
@@ -55,7 +56,7 @@ void Painter::add_task(Task task) {
 }
 
 void Painter::save() { add_task({Task::Kind::save, {}, {}}); }
-void Painter::next(bool around) { add_task({Task::Kind::next, {}, {}, around}); }
+void Painter::go_on(Turn turn) { add_task({Task::Kind::go_on, {}, {}, turn}); }
 void Painter::say_command() { add_task({Task::Kind::command, {}, {}}); }
 void Painter::magnify(Box const& part) { add_task({Task::Kind::magnify, {}, part}); }
 
@@ -126,8 +127,8 @@ void Painter::work() {
 
 void Painter::do_task(Task const& task) {
     switch (task.kind) {
-    case Task::Kind::next:
-        go_on(task.around);
+    case Task::Kind::go_on:
+        open(task.turn);
         return;
     case Task::Kind::command:
         tell(scene_.command(task.request.view));
@@ -251,9 +252,11 @@ void Painter::save_picture(Request const& request) {
     }
 }
 
-void Painter::go_on(bool around) {
-    if (!scene_.next() && !(around && scene_.first_again())) {
-        tell(no_next_volume);
+void Painter::open(Turn turn) {
+    bool const back = turn == Turn::previous;
+    bool const there = back ? scene_.previous() : scene_.next() || (turn == Turn::around && scene_.first_again());
+    if (!there) {
+        tell(back ? no_previous_volume : no_next_volume);
         return;
     }
     ++turn_;

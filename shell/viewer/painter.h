@@ -19,8 +19,12 @@
 
 namespace vkt::shell::viewer {
 
-/// What is told where there is no next volume.
+/// What is told where there is no next volume, and none before.
 inline constexpr char const* no_next_volume = "this is the last volume";
+inline constexpr char const* no_previous_volume = "there is no volume before that can be had once more";
+
+/// Which volume to go on to: the next one, the same but the first one after the last, or the one before.
+enum class Turn : std::uint8_t { next, around, previous };
 
 /// A picture for the screen.
 struct Frame {
@@ -35,7 +39,7 @@ struct Frame {
     render::RenderReport report; ///< of this picture
     std::weak_ptr<render::Renderer const> volume;
     Arrival arrival;
-    int turn = 0; ///< volumes that were shown before this one
+    int turn = 0; ///< how many times another volume was gone on to
 };
 
 /// Every view that is asked for is first drawn with the effort that meets the target time; such a frame is never given
@@ -52,8 +56,7 @@ public:
     void show(View view);
     /// Saves the full picture of the view that was last asked for.
     void save();
-    /// Goes on to the next volume; `around`: from the last one to the first.
-    void next(bool around = false);
+    void go_on(Turn turn);
     /// Tells the command line of the view that was last asked for, as a message that begins with "vkt ".
     void say_command();
     /// Shows a part of the volume finer; an empty box: all of it.
@@ -80,10 +83,10 @@ private:
 
     /// What keys ask for, in their order.
     struct Task {
-        enum class Kind { save, next, command, magnify } kind;
+        enum class Kind { save, go_on, command, magnify } kind;
         Request request;
         Box part;
-        bool around = false;
+        Turn turn = Turn::next;
     };
 
     void work();
@@ -94,7 +97,7 @@ private:
     void draw_more_paths(Request const& request);
     void publish(Request const& request, Picture picture, double effort);
     void save_picture(Request const& request);
-    void go_on(bool around);
+    void open(Turn turn);
     /// The same view of something else.
     void show_anew();
     void tell(std::string message);
@@ -121,7 +124,7 @@ private:
     std::int64_t shown_ = 0;     ///< number of the request that the last frame answers
     double shown_effort_ = 0;    ///< of that frame
     Arrival arrival_;            ///< of the volume
-    int turn_ = 0;               ///< volumes before this one
+    int turn_ = 0;               ///< as in Frame
     render::Accumulation paths_; ///< of that request, once its full picture is begun
     int last_pass_ = 0;          ///< paths a pixel
     double last_pass_seconds_ = 0;

@@ -8,6 +8,8 @@
 
 #include "libvkt/core/text.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 namespace vkt::shell::viewer {
@@ -59,10 +61,15 @@ public:
     }
     bool next() override {
         bool const more = volumes_.next();
-        if (more) ++begun_;
+        if (more) most_ = std::max(most_, ++shown_);
         return more;
     }
-    bool first_again() override { return begun_ > 1 && opened_.rewind() && volumes_.next(); }
+    bool first_again() override { return most_ > 1 && back_to(0); }
+    bool previous() override {
+        if (shown_ < 2) return false;
+        volumes_.settle();
+        return back_to(shown_ - 2);
+    }
     Arrival arrive() override { return volumes_.arrive(); }
     std::shared_ptr<render::Renderer const> volume() override {
         return volumes_.partial() ? nullptr : volumes_.renderer();
@@ -77,7 +84,12 @@ private:
     /// Whether the command is one of several volumes, as far as that can be known without waiting for a pipe.
     bool several() {
         bool const piped = context_.stage_info().input_names.front() == "-";
-        return begun_ > 1 || (!piped && !volumes_.partial() && opened_.another());
+        return most_ > 1 || (!piped && !volumes_.partial() && opened_.another());
+    }
+    bool back_to(std::int64_t volume) {
+        if (!opened_.rewind_to(volume) || !volumes_.next()) return false;
+        shown_ = volume + 1;
+        return true;
     }
     StageInfo stage_of(View const& view) const {
         StageInfo stage = context_.stage_info();
@@ -91,7 +103,7 @@ private:
     render::Background background_;
     Volumes opened_;
     ArrivingVolumes volumes_;
-    int begun_ = 0;
+    std::int64_t shown_ = 0, most_ = 0; ///< number of the volume that is shown, from 1, and the highest so far
 };
 
 } // namespace

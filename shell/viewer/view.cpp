@@ -76,10 +76,14 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     if (s.labels == render::LabelMode::always && !render::draws_labels(s, {})) s.labels = render::LabelMode::automatic;
     // What has no meaning for an algorithm is not to change its picture, as no option could say it.
     RenderSettings const plain;
-    if (s.algorithm == Algorithm::implicit_iso) {
+    if (!render::applies("opacity", s.algorithm)) {
         s.opacity = plain.opacity, s.unit = plain.unit, s.opacity_scale = plain.opacity_scale;
     }
-    if (s.algorithm == Algorithm::multi_scattering) s.shade = plain.shade;
+    if (!render::applies("shade", s.algorithm)) s.shade = plain.shade;
+    if (render::is_projection(s.algorithm)) {
+        s.light_direction.reset(), s.shadows = false, s.ambient_occlusion = 0;
+        s.ambient = plain.ambient, s.specular = plain.specular;
+    }
     if (s.shade == 0 && !render::holds_back_light(s, s.algorithm)) {
         s.light_direction.reset(), s.shadows = false;
         s.ambient = plain.ambient, s.specular = plain.specular;
@@ -205,6 +209,12 @@ bool may_draw_labels(RenderSettings const& asked, Look const& look) {
     view.width = asked.width, view.height = asked.height, view.look = look;
     draw_labels(view.look, render::LabelMode::always);
     return render::draws_labels(settings_of(asked, view), {});
+}
+
+Algorithm next_projection(Algorithm algorithm) {
+    return algorithm == Algorithm::maximum   ? Algorithm::minimum
+           : algorithm == Algorithm::minimum ? Algorithm::mean
+                                             : Algorithm::maximum;
 }
 
 bool has_colormap(RenderSettings const& asked) { return !asked.transfer && asked.lut.empty(); }

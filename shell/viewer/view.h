@@ -65,6 +65,9 @@ void draw_labels(Look& look, render::LabelMode when);
 /// Whether the command line and the algorithm leave a choice whether labels are drawn.
 bool may_draw_labels(render::RenderSettings const& asked, Look const& look);
 
+/// The projection along rays after this one, or the first of them.
+render::Algorithm next_projection(render::Algorithm algorithm);
+
 /// True if the colours come from a map and not from a transfer function of the user's own.
 bool has_colormap(render::RenderSettings const& asked);
 /// The map after the current one: all in turn, then the one that was asked for.

@@ -36,6 +36,8 @@ public:
     virtual bool next() = 0;
     /// After the last one: goes on to the first one again; false if there is no other or it cannot be had once more.
     virtual bool first_again() { return false; }
+    /// Goes back to the volume before; false if there is none or it cannot be had once more.
+    virtual bool previous() { return false; }
     /// Looks how much of the volume is there and makes ready what has come; waits a moment for more.
     virtual Arrival arrive() { return {}; }
     /// What is shown, for values under the cursor, slices and histograms; null while nothing is there. It goes when the

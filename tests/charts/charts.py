@@ -287,7 +287,7 @@ def resampling(options):
         at = grid(m)
         rim = np.max(np.abs(np.stack(at)), axis=0) < 0.9
         error = inside(waves(at), rim)
-        for method in ("nearest", "linear", "cubic", "lanczos3", "auto"):
+        for method in ("nearest", "linear", "cubic", "lanczos3", "bspline3", "bspline5", "auto"):
             chart.add("vkt", method, lambda: volume.apply("resample", dims=(m, m, m), method=method), error)
         for order in (0, 1, 3, 5):
             chart.add("SciPy", f"order {order}",

@@ -413,7 +413,7 @@ TEST(Painting, whatIsSavedWhileAVolumeLoadsIsThatVolume) {
     Painter painter(
         scene, asked, {}, [] {}, 0.03);
     wait_for(painter, [](Frame const& f) { return f.effort == 1; });
-    painter.next();
+    painter.go_on(Turn::next);
     SteppedScene::await(scene.loading);
     painter.save();
     scene.may_load = true;
@@ -429,12 +429,12 @@ TEST(Painting, keysTakeEffectInTheirOrder) {
         scene, asked, {}, [] {}, 0.03);
     SteppedScene::await(scene.drawing); // and meanwhile, all of these
     painter.save();
-    painter.next();
+    painter.go_on(Turn::next);
     painter.save();
-    painter.next();
-    painter.next(); // hit again before it had any effect
+    painter.go_on(Turn::next);
+    painter.go_on(Turn::next); // hit again before it had any effect
     painter.save();
-    painter.next(); // the last one: given up, because the window closes
+    painter.go_on(Turn::next); // the last one: given up, because the window closes
     std::thread closing([&] { painter.finish(); });
     scene.may_draw = true;
     closing.join();
@@ -449,7 +449,7 @@ TEST(Painting, theLastVolumeStays) {
     scene.volume = 2;
     Painter painter(
         scene, asked, {}, [] {}, 0.03);
-    painter.next();
+    painter.go_on(Turn::next);
     painter.save();
     painter.finish();
     EXPECT_EQ(messages(painter), (std::vector<std::string>{"this is the last volume", "saved picture of 2 as 2"}));

@@ -2,12 +2,15 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/fft_correlation.h"
 
+#include "libvkt/core/first_failure.h"
 #include "libvkt/operations/common/row_values.h"
 #include "libvkt/operations/filter/fft_module.h"
+#include "libvkt/operations/filter/kernels/spectra.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <exception>
+#include <limits>
 
 namespace vkt {
 
@@ -25,58 +28,70 @@ FftFunctions const& fft() {
 
 std::size_t index(std::int64_t i) { return static_cast<std::size_t>(i); }
 
-/// sum += a b, without the checks for infinities of std::complex.
-void add_products(Complex const* a, Complex const* b, Complex* sum, std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i)
-        sum[i] += Complex(a[i].real() * b[i].real() - a[i].imag() * b[i].imag(),
-                          a[i].real() * b[i].imag() + a[i].imag() * b[i].real());
-}
+/// What a thread works with.
+struct Workspace {
+    std::vector<double> ring, row; ///< the transforms of slices, see SpectraLayout; a row of voxels
+    std::vector<Complex> sums, values, scratch;
+    std::vector<bool> bad; ///< slots of slices that are computed by definition
+};
+
+/// Slices whose sums along z are made at once, so that transforms are read once for many of them.
+std::int64_t batch_for(std::int64_t edge) { return edge > 128 ? 8 : 16; }
 
 } // namespace
 
-std::int64_t FftCorrelation::edge_for(Index3 radius) {
-    std::int64_t const reach = 2 * std::max(radius.x, radius.y);
-    return reach <= 20 ? 64 : reach <= 72 ? 128 : 256;
+FftSquares::FftSquares(Index3 radius, Index3 dims) {
+    // KISS FFT takes half the time a point for lengths that end with a factor of 5.
+    constexpr std::array<std::int64_t, 8> edges{40, 60, 80, 100, 120, 160, 200, 240};
+    auto const squares_along = [](std::int64_t n, std::int64_t step) { return (n + step - 1) / step; };
+    cost = std::numeric_limits<double>::infinity();
+    for (std::int64_t const e : edges) {
+        std::int64_t const x = e - 2 * radius.x, y = e - 2 * radius.y;
+        if (std::min(x, y) <= 0) continue;
+        std::int64_t const pairs = (squares_along(dims.x, x) * squares_along(dims.y, y) + 1) / 2;
+        // Measured at 256^3: both transforms, sums along z, and the rest.
+        double const point = 190 * std::log2(static_cast<double>(e)) + 50 * static_cast<double>(2 * radius.z + 1) + 375;
+        double const all = point * static_cast<double>(pairs * e * e) / static_cast<double>(dims.x * dims.y);
+        if (all < cost) cost = all, edge = e;
+    }
 }
 
-double FftCorrelation::cost(Index3 radius) {
-    auto const edge = static_cast<double>(edge_for(radius));
-    double const points =
-        edge * edge / (edge - 2.0 * static_cast<double>(radius.x)) / (edge - 2.0 * static_cast<double>(radius.y));
-    return points * (1000 + 130 * static_cast<double>(radius.z)); // measured, slabs of a few times the radius
-}
-
-double FftCorrelation::error(Index3 radius) {
+double FftSquares::error(Index3 radius) const {
     // Each of the three transforms is off by at most 20 roundings a stage of its largest possible sum, twiddle factors
     // included, products and their sums along z by one each; the largest element is at most the root of the sum of
     // squares, of two squares of voxels at once.
-    auto const edge = static_cast<double>(edge_for(radius));
-    return std::sqrt(2.0) * edge * (3 * 20 * 2 * std::log2(edge) + 2 * static_cast<double>(radius.z) + 8) * 0x1p-53;
+    auto const e = static_cast<double>(edge);
+    return std::sqrt(2.0) * e * (3 * 20 * 2 * std::log2(e) + 2 * static_cast<double>(radius.z) + 8) * 0x1p-53;
 }
 
-std::size_t FftCorrelation::bytes(Index3 radius) {
-    std::int64_t const edge = edge_for(radius);
-    return index(edge * edge * (2 * radius.z + 3)) * sizeof(Complex);
+std::size_t FftSquares::bytes(Index3 radius) const {
+    std::int64_t const batch = batch_for(edge);
+    return index(edge * edge * (2 * radius.z + batch + batch + 2)) * sizeof(Complex);
 }
 
 FftCorrelation::FftCorrelation(DenseKernel const& kernel, Index3 dims)
-    : kernel_(kernel), dims_(dims), edge_(edge_for(kernel.radius)) {
+    : kernel_(kernel), dims_(dims), edge_(FftSquares(kernel.radius, dims).edge) {
     Index3 const r = kernel.radius;
     std::size_t const area = index(edge_ * edge_);
-    spectra_.assign(area * index(2 * r.z + 1), 0);
-    for (Tap const& tap : kernel.taps)
-        spectra_[area * index(tap.at.z + r.z) + index((tap.at.y + r.y) * edge_ + tap.at.x + r.x)] +=
-            tap.weight / static_cast<double>(area);
-    std::vector<Complex> scratch(area);
-    for (std::size_t z = 0; z < spectra_.size(); z += area)
-        fft().transform(index(edge_), false, &spectra_[z], scratch.data());
-    for (Complex& value : spectra_) value = std::conj(value); // correlation
+    SpectraLayout const layout{edge_ * edge_, 2 * r.z + 1};
+    spectra_.resize(index(layout.doubles()));
+    std::vector<Complex> slice(area), scratch(area);
+    for (std::int64_t z = -r.z; z <= r.z; ++z) {
+        std::fill(slice.begin(), slice.end(), Complex());
+        for (Tap const& tap : kernel.taps)
+            if (tap.at.z == z)
+                slice[index((tap.at.y + r.y) * edge_ + tap.at.x + r.x)] += tap.weight / static_cast<double>(area);
+        fft().transform(index(edge_), false, slice.data(), scratch.data());
+        for (Complex& value : slice) value = std::conj(value); // correlation
+        store_spectrum(slice.data(), layout, z + r.z, spectra_.data(), Execution());
+    }
 }
 
 void FftCorrelation::run(ConstView in, AnyView out, Execution const& execution) const {
     Index3 const r = kernel_.radius, step{edge_ - 2 * r.x, edge_ - 2 * r.y, 1};
     std::int64_t const columns = (dims_.x + step.x - 1) / step.x, squares = columns * ((dims_.y + step.y - 1) / step.y);
-    std::int64_t const depth = 2 * r.z + 1;
+    std::int64_t const depth = 2 * r.z + 1, batch = batch_for(edge_);
+    SpectraLayout const layout{edge_ * edge_, depth + batch - 1};
     std::size_t const area = index(edge_ * edge_);
     auto const to = out.as<double>();
     auto const square = [&](std::int64_t number) {
@@ -88,18 +103,19 @@ void FftCorrelation::run(ConstView in, AnyView out, Execution const& execution) 
     one.threads = 1;
     one.monitor = nullptr;
 
-    auto const pair = [&](std::int64_t first) {
-        std::vector<Complex> ring(area * index(depth + 2));
-        std::vector<double> row(index(edge_));
-        Complex* const sum = &ring[area * index(depth)];
-        Complex* const scratch = sum + area;
-        std::vector<bool> bad(index(depth));
+    // Slices [begin, end) of two squares.
+    auto const pair = [&](std::int64_t first, std::int64_t begin, std::int64_t end, Workspace& workspace) {
+        auto& [ring, row, sums, values, scratch, bad] = workspace;
         Box const boxes[2] = {square(first), square(first + 1)};
         if (boxes[0].empty() && boxes[1].empty()) return;
-        for (std::int64_t z = out.box.lower.z - r.z; z < out.box.upper.z + r.z; ++z) {
-            std::size_t const slot = index((z + r.z + depth * 1024) % depth);
-            Complex* const values = &ring[area * slot];
-            std::fill(values, values + area, Complex());
+        std::int64_t const lowest = begin - r.z;
+        ring.resize(index(layout.doubles())), row.resize(index(edge_));
+        sums.resize(area * index(batch)), values.resize(area), scratch.resize(area);
+        bad.resize(index(layout.slots));
+        auto const slot_of = [&](std::int64_t z) { return (z - lowest) % layout.slots; };
+
+        auto const take = [&](std::int64_t z) {
+            std::fill(values.begin(), values.end(), Complex());
             bool finite = true;
             for (int part = 0; part < 2 && first + part < squares; ++part) {
                 std::int64_t const number = first + part, x0 = number % columns * step.x - r.x,
@@ -111,23 +127,21 @@ void FftCorrelation::run(ConstView in, AnyView out, Execution const& execution) 
                     for (std::int64_t x = 0; x < width; ++x) {
                         double const v = row[index(x)];
                         finite = finite && std::abs(v) <= largest;
-                        reinterpret_cast<double*>(values + y * edge_ + x)[part] = v;
+                        reinterpret_cast<double*>(&values[index(y * edge_ + x)])[part] = v;
                     }
                 }
             }
-            bad[slot] = !finite;
-            if (finite) fft().transform(index(edge_), false, values, scratch);
-            std::int64_t const centre = z - r.z;
-            if (centre < out.box.lower.z) continue;
+            bad[index(slot_of(z))] = !finite;
+            if (finite)
+                fft().transform(index(edge_), false, values.data(), scratch.data());
+            else
+                std::fill(values.begin(), values.end(), Complex());
+            store_spectrum(values.data(), layout, slot_of(z), ring.data(), execution);
+        };
+        auto const give = [&](std::int64_t centre, Complex* sum) {
             bool direct = false;
-            for (bool const b : bad) direct = direct || b;
-            if (!direct) {
-                std::fill(sum, sum + area, Complex());
-                for (std::int64_t k = 0; k < depth; ++k)
-                    add_products(&ring[area * index((centre + k + depth * 1024) % depth)], &spectra_[area * index(k)],
-                                 sum, area);
-                fft().transform(index(edge_), true, sum, scratch);
-            }
+            for (std::int64_t z = centre - r.z; z <= centre + r.z; ++z) direct = direct || bad[index(slot_of(z))];
+            if (!direct) fft().transform(index(edge_), true, sum, scratch.data());
             for (int part = 0; part < 2; ++part) {
                 Box box = boxes[part];
                 if (box.empty()) continue;
@@ -144,22 +158,36 @@ void FftCorrelation::run(ConstView in, AnyView out, Execution const& execution) 
                         to(x, y, centre) =
                             reinterpret_cast<double const*>(sum + (y - y0) * edge_ + x - x0)[part] + kernel_.offset;
             }
+        };
+        std::int64_t taken = lowest;
+        for (std::int64_t z = begin; z < end; z += batch) {
+            std::int64_t const count = std::min(batch, end - z);
+            while (taken < z + count + r.z) take(taken++);
+            sum_spectra(
+                {layout, ring.data(), {layout.area, depth}, spectra_.data(), slot_of(z - r.z), count, sums.data()},
+                execution);
+            for (std::int64_t o = 0; o < count; ++o) give(z + o, &sums[area * index(o)]);
         }
     };
 
-    std::exception_ptr failure;
-    int const threads =
-        static_cast<int>(std::clamp<std::int64_t>((squares + 1) / 2, 1, std::max(1, execution.threads)));
-#pragma omp parallel for num_threads(threads) schedule(dynamic) if (threads > 1)
-    for (std::int64_t first = 0; first < squares; first += 2) {
-        try {
-            pair(first);
-        } catch (...) {
-#pragma omp critical
-            failure = std::current_exception();
-        }
+    // Where there are fewer pairs than threads, each is cut into parts along z that are not much smaller than what they
+    // need beside them.
+    std::int64_t const pairs = (squares + 1) / 2, slices = out.box.dims().z;
+    std::int64_t const wanted = (std::max(1, execution.threads) + pairs - 1) / pairs;
+    std::int64_t const parts = std::clamp<std::int64_t>(slices / depth, 1, wanted);
+    int const threads = static_cast<int>(std::clamp<std::int64_t>(pairs * parts, 1, std::max(1, execution.threads)));
+    FirstFailure failure;
+#pragma omp parallel num_threads(threads) if (threads > 1)
+    {
+        Workspace workspace;
+#pragma omp for schedule(dynamic)
+        for (std::int64_t item = 0; item < pairs * parts; ++item)
+            failure.catch_from([&] {
+                std::int64_t const part = item % parts, z = out.box.lower.z;
+                pair(item / parts * 2, z + slices * part / parts, z + slices * (part + 1) / parts, workspace);
+            });
     }
-    if (failure) std::rethrow_exception(failure);
+    failure.rethrow();
 }
 
 } // namespace vkt

@@ -245,7 +245,8 @@ LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_widt
     if (method_ == KernelMethod::separable && !products && taps > 0)
         throw Error(ErrorKind::usage, text("--method separable: the kernel ", file_, " is no sum of few products"),
                     "leave the choice to vkt (--method auto), or allow a larger --tolerance");
-    double const transforms_error = FftCorrelation::error(r);
+    FftSquares const squares(r, in.dims);
+    double const transforms_error = squares.error(r);
     if (method_ == KernelMethod::fft && tolerance_ && transforms_error > allowed)
         throw Error(ErrorKind::usage,
                     text("--method fft: the error of its transforms is ", 100 * transforms_error, "%"),
@@ -259,14 +260,13 @@ LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_widt
         result.more_error = products->left;
         result.method = one ? text("separable kernel, ", size)
                             : text("sum of ", result.sum.terms.size(), " separable kernels, ", size);
-    } else if (taps > 0 &&
-               (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && transforms_allowed &&
-                                                 taps > FftCorrelation::cost(r) && module_installed("kissfft")))) {
+    } else if (taps > 0 && (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && transforms_allowed &&
+                                                             taps > squares.cost && module_installed("kissfft")))) {
         if (!module_installed("kissfft")) module_functions("kissfft", "filter kernel --method fft");
         result.by_fft = true;
         result.more_error = transforms_error;
-        result.cost = FftCorrelation::cost(r);
-        result.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
+        result.cost = squares.cost;
+        result.method = text("Fourier transforms, kernel ", size, ", squares of ", squares.edge,
                              "; directly on a GPU and around what is not finite");
     } else {
         result.method = text("direct, kernel ", size, ", ", result.dense.taps.size(), " weights");
@@ -293,7 +293,7 @@ Box KernelFilter::footprint(Box const& output, int input) const {
 
 std::size_t KernelFilter::fit(Index3 largest, Execution const& execution) {
     if (!weights_.by_fft || execution.device == Device::gpu) return LinearFilter::fit(largest, execution);
-    return FftCorrelation::bytes(reach_) * static_cast<std::size_t>(std::max(1, execution.threads) + 1) +
+    return FftSquares(reach_, dims_).bytes(reach_) * static_cast<std::size_t>(std::max(1, execution.threads) + 1) +
            static_cast<std::size_t>(largest.x * largest.y * largest.z) * sizeof(double);
 }
 

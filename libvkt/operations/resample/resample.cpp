@@ -58,8 +58,9 @@ void Resample::parameters(Parameters& p) {
     p.option("like", like_.file, "FILE", "the grid of this volume: numbers of voxels, spacing, place and directions");
     p.option("cells", cells, "N", "about this many voxels, as cubic as can be; 50M are 50 millions");
     p.option("method", method, "METHOD",
-             "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
-             "(default), nearest, average, or auto: average where a voxel covers several cells or there are holes");
+             "auto (default): area average where an axis shrinks, linear where it grows; or nearest, linear, area, "
+             "cubic, bspline3, bspline5, lanczos3; hierarchical volumes: basis (default), nearest, average, or auto: "
+             "average where a voxel covers several cells or there are holes");
     p.option(
         "tolerance", tolerance, "T",
         "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "

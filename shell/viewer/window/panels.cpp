@@ -4,6 +4,7 @@
 #include "shell/viewer/window/widgets.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/render/settings.h"
 
 #include <imgui.h>
 
@@ -27,6 +28,7 @@ std::vector<std::array<char const*, 2>> const& keys() {
         {"1 ... 9", "camera that Ctrl+1 ... Ctrl+9 stored"},
         {"R, Home", "camera of the command line"},
         {"M I T", "ray marching, iso-surfaces, multiple scattering"},
+        {"K", "greatest, least, mean along rays, in turn"},
         {"[ ]", "shorter, longer steps; fewer, more paths"},
         {"C", "next colour map"},
         {"Ctrl+Z, Ctrl+Y", "undo, redo"},
@@ -38,6 +40,7 @@ std::vector<std::array<char const*, 2>> const& keys() {
         {"S", "save the picture"},
         {"P", "print the command that draws it"},
         {"N, Space", "next volume"},
+        {",", "the volume before"},
         {".", "play the volumes, stop"},
         {"H", "this help"},
         {"Q, Esc", "quit (Esc: first close what is open)"}};
@@ -87,12 +90,17 @@ void Panels::algorithm_panel(View& view, Shown const& shown) {
     ImGui::RadioButton("surfaces", &which, 1);
     ImGui::SameLine();
     ImGui::RadioButton("scatter", &which, 2);
+    ImGui::RadioButton("greatest", &which, static_cast<int>(Algorithm::maximum));
+    ImGui::SameLine();
+    ImGui::RadioButton("least", &which, static_cast<int>(Algorithm::minimum));
+    ImGui::SameLine();
+    ImGui::RadioButton("mean", &which, static_cast<int>(Algorithm::mean));
     look.algorithm = static_cast<Algorithm>(which);
     if (look.algorithm == Algorithm::ray_marching) {
         ImGui::Checkbox("exact", &look.exact);
         if (!look.exact) slider("step", look.step, 1.0 / 16, 4, true, "%.3g voxels");
     }
-    if (look.algorithm != Algorithm::multi_scattering && !(look.exact && look.algorithm == Algorithm::ray_marching)) {
+    if (render::applies("shade", look.algorithm) && !(look.exact && look.algorithm == Algorithm::ray_marching)) {
         double shade = shown.frame->report.shade;
         if (slider("shading", shade, 0, 1, false, "%.2f")) look.shade = shade;
     }

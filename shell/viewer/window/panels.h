@@ -31,7 +31,7 @@ struct Shown {
 };
 
 /// What buttons and keys ask for beyond the view itself.
-enum class Wish { none, save, command, next, reset_camera, undo, redo, magnify, whole, quit };
+enum class Wish { none, save, command, next, previous, reset_camera, undo, redo, magnify, whole, quit };
 
 class Panels {
 public:

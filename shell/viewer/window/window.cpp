@@ -373,7 +373,13 @@ void Window::do_wish(Wish wish) {
         painter_->say_command();
         return;
     case Wish::next:
-        painter_->next();
+        message_.clear();
+        painter_->go_on(Turn::next);
+        return;
+    case Wish::previous:
+        playing_ = false;
+        message_.clear();
+        painter_->go_on(Turn::previous);
         return;
     case Wish::reset_camera:
         view_.camera.reset();
@@ -486,6 +492,9 @@ void Window::key(int which, int modifiers, bool repeated) {
     case GLFW_KEY_T:
         set_algorithm(render::Algorithm::multi_scattering);
         break;
+    case GLFW_KEY_K:
+        set_algorithm(next_projection(view_.look.algorithm));
+        break;
     case GLFW_KEY_LEFT_BRACKET:
     case GLFW_KEY_RIGHT_BRACKET: {
         bool const more = which == GLFW_KEY_RIGHT_BRACKET;
@@ -526,6 +535,9 @@ void Window::key(int which, int modifiers, bool repeated) {
     case GLFW_KEY_N:
     case GLFW_KEY_SPACE:
         do_wish(Wish::next);
+        break;
+    case GLFW_KEY_COMMA:
+        do_wish(Wish::previous);
         break;
     case GLFW_KEY_PERIOD:
         playing_ = !playing_;
@@ -689,7 +701,7 @@ void Window::play() {
     if (!playing_ || !frame_ || !frame_->arrival.complete || frame_->turn < asked_turn_) return;
     if (std::chrono::steady_clock::now() - shown_since_ < time_of_volume) return;
     asked_turn_ = frame_->turn + 1;
-    painter_->next(true);
+    painter_->go_on(Turn::around);
 }
 
 void Window::set_title() {
