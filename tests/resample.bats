@@ -724,3 +724,57 @@ END
     fails_with 2 "'nan' is not a number" vkt resample v.nrrd --roi 1.5:nan,:,:
     fails_with 2 "vkt resample, rotate, scale and affine" vkt crop v.nrrd --roi 1.5:3,:,:
 }
+
+@test "rows of any length are stored, also where values are clipped" {
+    vkt make noise --dims 3 3 2 --dtype int16 -o small.vkt
+    for method in linear cubic bspline5; do
+        vkt resample small.vkt --dims 5000 3 2 --method $method --dtype uint8 -o wide.vkt
+        vkt resample small.vkt --dims 5000 3 2 --method $method --dtype int32 -o whole.vkt --force
+        vkt arith clamp whole.vkt 0 255 | vkt convert --dtype uint8 | vkt diff - wide.vkt --json | grep -q '"max_abs": 0'
+        rm wide.vkt
+    done
+}
+
+@test "slices of a stream are asked for in order where some of the result are slices of the input" {
+    vkt make noise --dims 40 70 70 --dtype float64 -o small.vkt
+    for method in cubic lanczos3 bspline3; do
+        for dims in '40 70 90' '9 8 350' '20 30 31'; do
+            # shellcheck disable=SC2086
+            vkt resample small.vkt --dims $dims --method $method --boundary mirror --format raw -o want.raw --force
+            # shellcheck disable=SC2086
+            cat small.vkt | vkt resample --dims $dims --method $method --boundary mirror --slab 1 --format raw -o got.raw --force
+            cmp want.raw got.raw
+        done
+    done
+}
+
+@test "smooth kernels are SciPy's splines, whatever is summed up at once" {
+    python_with scipy numpy
+    # Enough rows and columns for several tiles, and a footprint wider than many of them.
+    for type in uint8 float32 float64; do
+        vkt make noise --dims 40 70 9 --dtype $type -o from.vkt --force
+        for dims in '700 90 11' '41 300 9' '40 70 30' '25 20 4'; do
+            # shellcheck disable=SC2086
+            vkt resample from.vkt --dims $dims --method bspline3 --boundary mirror --dtype float64 --format raw -o to.raw --force
+            vkt write from.vkt --format raw -o from.raw --force
+            # shellcheck disable=SC2086
+            /usr/bin/python3 - $type $dims <<'EOF'
+import sys
+import numpy as np
+from scipy import ndimage
+x, y, z = map(int, sys.argv[2:])
+v = np.fromfile("from.raw", {"uint8": "u1", "float32": "f4", "float64": "f8"}[sys.argv[1]]).reshape(9, 70, 40).astype(float)
+got = np.fromfile("to.raw").reshape(z, y, x)
+c = ndimage.spline_filter(v, 3, mode="reflect")
+at = lambda n, m, sub: (np.arange(m * sub) + 0.5) / sub * n / m - 0.5
+# Axes that shrink are sampled several times a voxel.
+subs = [max(1, -(-n // m)) for n, m in zip(v.shape, (z, y, x))]
+grid = np.meshgrid(*(at(n, m, s) for n, m, s in zip(v.shape, (z, y, x), subs)), indexing="ij")
+want = ndimage.map_coordinates(c, grid, order=3, mode="reflect", prefilter=False)
+want = want.reshape(z, subs[0], y, subs[1], x, subs[2]).mean(axis=(1, 3, 5))
+error = abs(got - want).max() / abs(v).max()
+assert error < 1e-10, (sys.argv, error)
+EOF
+        done
+    done
+}

@@ -152,8 +152,10 @@ template <class T, class C> bool store_in_range(C const* from, T* to, std::int64
 }
 
 template <class T, class C> Losses store_small(C const* from, T* to, std::int64_t n) {
-    std::int64_t const steps = n / step * step;
     Losses losses;
+    for (; n > row_piece; from += row_piece, to += row_piece, n -= row_piece)
+        losses += store_small(from, to, row_piece);
+    std::int64_t const steps = n / step * step;
     if (!store_in_range(from, to, steps)) { // once more, limited and counted
         constexpr C lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
         alignas(64) C limited[row_piece];
@@ -168,7 +170,7 @@ template <class T, class C> Losses store_small(C const* from, T* to, std::int64_
             limited[i] = v < highest ? v : highest;
         }
         store_in_range(static_cast<C const*>(limited), to, steps);
-        losses = {clipped, nan};
+        losses += {clipped, nan};
     }
     if (steps < n) losses += store_any(from + steps, to + steps, n - steps);
     return losses;

@@ -9,11 +9,11 @@ namespace vkt::VKT_BACKEND {
 /// Voxels of a row worked on at a time: a few such pieces in double stay in the first cache.
 inline constexpr std::int64_t row_piece = 1024;
 
-/// to[i] = in[i] for at most row_piece voxels. C is float or double, which round integers of more bits than they
+/// to[i] = in[i] for n voxels. C is float or double, which round integers of more bits than they
 /// have digits, or Int128, which takes integers only.
 template <class C> void load_row(DataType type, std::byte const* from, C* to, std::int64_t n);
 
-/// to[i] = from[i] for at most row_piece voxels, rounded half to even and saturated; says what was lost.
+/// to[i] = from[i] for n voxels, rounded half to even and saturated; says what was lost.
 template <class C> Losses store_row(DataType type, C const* from, std::byte* to, std::int64_t n);
 
 extern template void load_row(DataType, std::byte const*, float*, std::int64_t);

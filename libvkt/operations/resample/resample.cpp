@@ -412,8 +412,7 @@ Plan Resample::plan_of(Header const& input, Layout const& layout) const {
     if (algorithm == Algorithm::convert) plan.passing.storing = ErrorPassing::Storing::converts;
     bool const moves =
         algorithm == Algorithm::copy || algorithm == Algorithm::convert || algorithm == Algorithm::nearest;
-    plan.cost =
-        moves ? 0 : multiply_adds(tables, static_cast<double>(layout.from.x) / static_cast<double>(layout.to.x));
+    plan.cost = moves ? 0 : multiply_adds(tables);
     return plan;
 }
 
@@ -687,6 +686,8 @@ Box Resample::footprint(Box const& output, int) const {
         result.lower[axis] = range.first;
         result.upper[axis] = range.second;
     }
+    // Slices that go forward must not be asked for again.
+    result.lower.z = layout_.tables[2].first_from(output.lower.z);
     return result;
 }
 
@@ -696,9 +697,11 @@ std::size_t Resample::fit(Index3 largest, Execution const& execution) {
     if (layout_.algorithm != Algorithm::weighted && layout_.algorithm != Algorithm::whole) return 0;
     Box const part = box_of(largest), in = footprint(part, 0);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
-    std::int64_t const of_sum = layout_.algorithm == Algorithm::whole ? sizeof(Int128) : sizeof(double);
-    return static_cast<std::size_t>(threads *
-                                    bytes_of_sums(in.dims().x, largest.x, layout_.tables[0].most_taps(), of_sum));
+    std::int64_t const bytes =
+        layout_.algorithm == Algorithm::whole
+            ? bytes_of_sums(in.dims().x, largest.x, layout_.tables[0].most_taps(), sizeof(Int128))
+            : SumTile(layout_.tables).bytes();
+    return static_cast<std::size_t>(threads * bytes);
 }
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

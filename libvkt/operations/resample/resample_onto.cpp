@@ -324,8 +324,7 @@ void Onto::describe(Plan& plan) const {
     if (algorithm_ == Algorithm::copy) plan.method = "copy";
     if (algorithm_ == Algorithm::convert) plan.method = "rounded half to even, saturated";
     if (!exact) plan.error = error_of(plan.output, 12 + 2 * taps);
-    auto const wide = static_cast<double>(footprint(inner_).dims()[placement_.axis[0]]);
-    plan.cost = exact || inner_.empty() ? 0 : multiply_adds(tables_, wide / static_cast<double>(inner_.dims().x));
+    plan.cost = exact || inner_.empty() ? 0 : multiply_adds(tables_);
     bool const forward = placement_.axis[2] == 2 && tables_[2].ascends();
     plan.access = forward ? Access::forward : Access::random;
     if (boundary_) plan.boundary = boundary_->boundary;
@@ -353,10 +352,8 @@ std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
     if (!placement_.aligned) return held(largest);
     Box const part = intersect({inner_.lower, inner_.lower + largest}, inner_), in = footprint(part);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
-    std::int64_t const width = in.dims()[placement_.axis[0]];
     std::int64_t bytes = 0;
-    if (algorithm_ == Algorithm::weighted)
-        bytes += threads * bytes_of_sums(width, part.dims().x, tables_[0].most_taps(), sizeof(double));
+    if (algorithm_ == Algorithm::weighted) bytes += threads * SumTile(tables_).bytes();
     if (placement_.axis != std::array<int, 3>{0, 1, 2})
         bytes += in.voxels() * static_cast<std::int64_t>(size_of(values_.in));
     return static_cast<std::size_t>(bytes);

@@ -236,6 +236,7 @@ WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, ResampleKernel k
     Ratio const ratio{n_in / divisor, n_out / divisor};
     if (n_out > most_entries || n_in > 16 * most_entries) refuse(n_in, n_out);
     divisor_ = divisor_of(ratio, kernel_);
+    step_ = static_cast<double>(n_in) / static_cast<double>(n_out);
     halving_ = kernel_ == ResampleKernel::identity                               ? 1
                : kernel_ == ResampleKernel::area && ratio.a == 2 && ratio.b == 1 ? 2
                                                                                  : 0;
@@ -248,7 +249,7 @@ double LinePlacement::position(std::int64_t o) const {
 }
 
 WeightTable::WeightTable(LinePlacement const& placement, ResampleKernel kernel, Boundary boundary)
-    : kernel_(kernel), n_out_(placement.n_out) {
+    : kernel_(kernel), n_out_(placement.n_out), step_(std::abs(placement.scale)) {
     bool const wide = std::abs(placement.scale) > static_cast<double>(most_entries);
     if (wide || placement.n_out > most_entries || placement.n_in > 16 * most_entries)
         refuse(placement.n_in, placement.n_out);
@@ -283,6 +284,11 @@ void WeightTable::build(std::int64_t n_in, std::int64_t n_out, Boundary boundary
         weights.insert(weights.end(), line.weights.begin(), line.weights.end());
         start.push_back(static_cast<std::int64_t>(weights.size()));
         most_taps_ = std::max(most_taps_, static_cast<std::int64_t>(line.weights.size()));
+    }
+    if (!std::is_sorted(first.begin(), first.end())) {
+        first_from_ = first;
+        for (std::size_t o = first_from_.size() - 1; o > 0; --o)
+            first_from_[o - 1] = std::min(first_from_[o - 1], first_from_[o]);
     }
     total_ = static_cast<std::int64_t>(weights.size());
     if (most_taps_ <= 2)
@@ -325,14 +331,60 @@ std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin,
     return {low, high};
 }
 
+std::int64_t WeightTable::first_from(std::int64_t begin) const {
+    return first_from_.empty() ? taps(Space::host).first[begin] : first_from_[static_cast<std::size_t>(begin)];
+}
+
 bool WeightTable::ascends() const {
     AxisTable const t = taps(Space::host);
     return std::is_sorted(t.first, t.first + n_out_);
 }
 
-double multiply_adds(std::array<WeightTable, 3> const& tables, double columns) {
-    auto const taps = [&](std::size_t axis) { return static_cast<double>(tables[axis].most_taps()); };
-    return taps(1) * taps(2) * columns + taps(0);
+namespace {
+
+double at_once(std::array<WeightTable, 3> const& t) {
+    return static_cast<double>(t[1].most_taps() * t[2].most_taps()) * t[0].step() +
+           static_cast<double>(t[0].most_taps());
+}
+double one_by_one(std::array<WeightTable, 3> const& t) {
+    return (static_cast<double>(t[2].most_taps()) * t[1].step() + static_cast<double>(t[1].most_taps())) * t[0].step() +
+           static_cast<double>(t[0].most_taps());
+}
+
+} // namespace
+
+bool in_passes(std::array<WeightTable, 3> const& tables) {
+    bool const lobes = std::ranges::any_of(tables, [](WeightTable const& t) {
+        return t.kernel() == ResampleKernel::cubic || t.kernel() == ResampleKernel::bspline3 ||
+               t.kernel() == ResampleKernel::bspline5 || t.kernel() == ResampleKernel::lanczos3;
+    });
+    return lobes && 1.25 * one_by_one(tables) < at_once(tables);
+}
+
+double multiply_adds(std::array<WeightTable, 3> const& tables) {
+    return in_passes(tables) ? one_by_one(tables) : at_once(tables);
+}
+
+SumTile::SumTile(std::array<WeightTable, 3> const& tables) {
+    constexpr std::int64_t most = std::int64_t{1} << 16; // doubles: 512 KiB
+    constexpr std::int64_t most_beside = 4096;           // columns
+    auto const outputs = [&](int axis, std::int64_t inputs) {
+        WeightTable const& t = tables[static_cast<std::size_t>(axis)];
+        double const room = static_cast<double>(inputs - t.most_taps()) / std::max(t.step(), 1e-9);
+        return static_cast<std::int64_t>(std::clamp(room, 1.0, 1024.0));
+    };
+    auto const inputs = [&](int axis, std::int64_t n) {
+        WeightTable const& t = tables[static_cast<std::size_t>(axis)];
+        return static_cast<std::int64_t>(std::ceil(static_cast<double>(std::min(n, t.outputs())) * t.step())) +
+               t.most_taps() + 1;
+    };
+    x = outputs(0, std::max<std::int64_t>(512, 2 * tables[0].most_taps()));
+    columns = inputs(0, x);
+    lanes = columns <= most_beside ? most_lanes : 1;
+    y = lanes;
+    if (!in_passes(tables)) return;
+    y = (outputs(1, std::max(most / columns, 3 * tables[1].most_taps())) + lanes - 1) / lanes * lanes;
+    rows = inputs(1, y);
 }
 
 } // namespace vkt

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace vkt {
 
@@ -60,11 +61,17 @@ public:
     /// False for an output all of whose weights fall on a constant border.
     bool reaches(std::int64_t o) const;
     std::int64_t most_taps() const { return most_taps_; }
+    /// How many input voxels lie between two outputs.
+    double step() const { return step_; }
+    std::int64_t outputs() const { return n_out_; }
     std::size_t bytes() const { return memory_.bytes(); }
     /// 2 if every output is the plain mean of two neighbours, 1 for the identity, else 0.
     int halving() const { return halving_; }
     /// The half-open input range that outputs [begin, end) need.
     std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
+    /// The first input that output `begin` or one after it needs: where lines are mirrored at their end, the last ones
+    /// look further back than those before.
+    std::int64_t first_from(std::int64_t begin) const;
     /// True if no output begins to look further back than the one before it.
     bool ascends() const;
     AxisTable taps(Space space) const;
@@ -74,13 +81,34 @@ private:
 
     ResampleKernel kernel_ = ResampleKernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
-    double divisor_ = 1, gain_ = 1;
+    double divisor_ = 1, gain_ = 1, step_ = 1;
     int halving_ = 0;
-    bool leaves_out_ = false; ///< taps beyond the ends
-    mutable Buffer memory_;   ///< first, start, weight, inside, one after the other; reading may copy it to the device
+    bool leaves_out_ = false;              ///< taps beyond the ends
+    std::vector<std::int64_t> first_from_; ///< of every output, if they do not ascend
+    mutable Buffer memory_; ///< first, start, weight, inside, one after the other; reading may copy it to the device
 };
 
-/// Per output voxel: a weighted sum of rows, of so many input columns per output column, and then of its columns.
-double multiply_adds(std::array<WeightTable, 3> const& tables, double columns);
+/// Per output voxel: a weighted sum of all rows in its footprint, and then of its columns; or, in passes, of slices, of
+/// rows and of columns.
+double multiply_adds(std::array<WeightTable, 3> const& tables);
+/// Whether a sum by these tables is made in passes: of kernels with lobes, where that takes clearly fewer
+/// multiply-adds. A matter of the tables alone, since the order of additions depends on it.
+bool in_passes(std::array<WeightTable, 3> const& tables);
+
+/// How much of a slice of the result is made at a time on CPUs: there is room for it in the second cache.
+struct SumTile {
+    static constexpr std::int64_t most_lanes = 16;
+
+    SumTile() = default;
+    explicit SumTile(std::array<WeightTable, 3> const& tables);
+
+    std::int64_t lanes = 1;             ///< rows whose sums along x are made side by side: 1 or most_lanes
+    std::int64_t x = 0, y = 0;          ///< voxels of the result, y a multiple of the lanes
+    std::int64_t columns = 0, rows = 0; ///< about so many of the input, at most; rows that are kept in passes
+    /// What a thread holds.
+    std::int64_t bytes() const {
+        return static_cast<std::int64_t>(sizeof(double)) * (columns * rows + (lanes + 1) * (columns + x));
+    }
+};
 
 } // namespace vkt

@@ -6,8 +6,6 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/kernel.h"
 
-#include <vector>
-
 namespace vkt {
 
 namespace VKT_BACKEND {
@@ -33,30 +31,6 @@ void halved(View<T const> in, View<T> out, Box const& box, Index3 factors, Execu
         return mean_of<T>(pair[0] + pair[1], shift);
     });
 }
-
-template <class T> struct WeightedAt {
-    View<T const> in;
-    WeightedSum sum;
-    VKT_HD double operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        double total = 0;
-        std::int64_t const fx = sum.x.first[x], fy = sum.y.first[y], fz = sum.z.first[z];
-        std::int64_t const x0 = sum.x.start[x], y0 = sum.y.start[y], z0 = sum.z.start[z];
-        std::int64_t const nx = sum.x.start[x + 1] - x0, ny = sum.y.start[y + 1] - y0, nz = sum.z.start[z + 1] - z0;
-        for (std::int64_t i = 0; i < nx; ++i) {
-            double column = 0;
-            for (std::int64_t k = 0; k < nz; ++k)
-                for (std::int64_t j = 0; j < ny; ++j)
-                    column += sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * sum.unit *
-                              static_cast<double>(in(fx + i, fy + j, fz + k));
-            total += sum.x_identity ? column : sum.x.weight[x0 + i] * column;
-        }
-        if (sum.reaches_border()) {
-            double const rest = sum.divisor - inside_of(sum.x, x) * (inside_of(sum.y, y) * inside_of(sum.z, z));
-            if (rest != 0) total += rest * sum.unit * sum.border;
-        }
-        return divided<T>(total, sum.divisor * sum.unit) * sum.scale + sum.offset;
-    }
-};
 
 template <class T> struct WholeAt {
     View<T const> in;
@@ -85,34 +59,6 @@ template <class T> void whole(ConstView in, AnyView out, WeightedSum const& sum,
     gather(execution, out.box, out.as<T>(), WholeAt<T>{in.as<T>(), sum});
 }
 
-template <class T>
-void weighted_to_double(View<T const> in, View<double> out, Box const& box, WeightedSum const& sum,
-                        Execution const& execution) {
-    gather(execution, box, out, WeightedAt<T>{in, sum});
-}
-template <class T>
-void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Losses& losses,
-                        Execution const& execution) {
-    gather_rounded(execution, box, out, losses, WeightedAt<T>{in, sum});
-}
-template <class U>
-void store_doubles(View<double const> in, View<U> out, Box const& box, Losses& losses, Execution const& execution) {
-    map_rounded(
-        execution, box, out, losses, [=] VKT_DEVICE(double v) { return v; }, in);
-}
-
-template <class T>
-void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
-              Execution const& execution) {
-    if (in.type == out.type) return weighted_same_type(in.as<T>(), out.as<T>(), out.box, sum, losses, execution);
-    scratch.reserve(static_cast<std::size_t>(out.box.voxels()) * sizeof(double));
-    AnyView const wide = dense_view(scratch.write(Space::device), DataType::float64, out.box, Space::device);
-    weighted_to_double<T>(in.as<T>(), wide.as<double>(), out.box, sum, execution);
-    with_type(out.type, [&]<class U>(U) {
-        store_doubles<U>(ConstView(wide).as<double>(), out.as<U>(), out.box, losses, execution);
-    });
-}
-
 } // namespace
 
 void resample_nearest(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
@@ -126,11 +72,6 @@ void resample_halved(ConstView in, AnyView out, Index3 factors, Execution const&
 void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
     if (in.type == DataType::int64) return whole<std::int64_t>(in, out, sum, execution);
     whole<std::uint64_t>(in, out, sum, execution);
-}
-
-void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
-                       Execution const& execution) {
-    with_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, losses, execution); });
 }
 
 } // namespace VKT_BACKEND

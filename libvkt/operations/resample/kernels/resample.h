@@ -20,11 +20,14 @@ struct WeightedSum {
     double scale = 1, offset = 0; ///< applied before the value is stored
     double border = 0;            ///< stored value outside, where a table says how much of the weights is inside
     bool x_identity = false;
+    bool in_passes = false; ///< along z, then y, then x, instead of all rows of a footprint at once
+    SumTile tile;           ///< CPU: this much at a time
 
     VKT_HD bool reaches_border() const { return x.inside != nullptr || y.inside != nullptr || z.inside != nullptr; }
 };
 
-/// Output voxels of a row that are summed together: for their columns there is room in the first cache.
+/// Output voxels of a row that are summed together in whole numbers: for their columns there is room in the first
+/// cache.
 inline std::int64_t summed_together(std::int64_t n_in, std::int64_t n_out) {
     constexpr std::int64_t columns = 2048;
     return std::clamp<std::int64_t>(columns * n_out / std::max<std::int64_t>(n_in, 1), 32, columns);
@@ -46,6 +49,8 @@ inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataTy
     double const gain = tables[0].gain() * tables[1].gain() * tables[2].gain();
     if (type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor * gain)) - 2);
     sum.x_identity = tables[0].kernel() == ResampleKernel::identity;
+    sum.in_passes = in_passes(tables);
+    sum.tile = SumTile(tables);
     return sum;
 }
 
