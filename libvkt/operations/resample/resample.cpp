@@ -681,13 +681,12 @@ Box Resample::footprint(Box const& output, int) const {
     if (layout_.onto) return layout_.onto->footprint(output);
     Box result;
     for (int axis = 0; axis < 3; ++axis) {
-        auto const range =
-            layout_.tables[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
+        WeightTable const& table = layout_.tables[static_cast<std::size_t>(axis)];
+        std::int64_t const begin = output.lower[axis], end = output.upper[axis];
+        auto const range = axis == 2 ? table.footprint_forward(begin, end) : table.footprint(begin, end);
         result.lower[axis] = range.first;
         result.upper[axis] = range.second;
     }
-    // Slices that go forward must not be asked for again.
-    result.lower.z = layout_.tables[2].first_from(output.lower.z);
     return result;
 }
 

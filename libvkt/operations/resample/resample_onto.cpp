@@ -341,7 +341,10 @@ Box Onto::footprint(Box const& output) const {
     Box result;
     for (int a = 0; a < 3; ++a) {
         int const b = placement_.axis[static_cast<std::size_t>(a)];
-        auto const range = tables_[static_cast<std::size_t>(a)].footprint(part.lower[a], part.upper[a]);
+        WeightTable const& table = tables_[static_cast<std::size_t>(a)];
+        bool const forward = b == 2 && a == 2 && table.ascends();
+        auto const range = forward ? table.footprint_forward(part.lower[a], part.upper[a])
+                                   : table.footprint(part.lower[a], part.upper[a]);
         result.lower[b] = range.first;
         result.upper[b] = range.second;
     }

@@ -285,11 +285,13 @@ void WeightTable::build(std::int64_t n_in, std::int64_t n_out, Boundary boundary
         start.push_back(static_cast<std::int64_t>(weights.size()));
         most_taps_ = std::max(most_taps_, static_cast<std::int64_t>(line.weights.size()));
     }
-    if (!std::is_sorted(first.begin(), first.end())) {
-        first_from_ = first;
-        for (std::size_t o = first_from_.size() - 1; o > 0; --o)
-            first_from_[o - 1] = std::min(first_from_[o - 1], first_from_[o]);
+    first_from_ = end_to_ = first;
+    for (std::size_t o = 0; o < first.size(); ++o) {
+        end_to_[o] += start[o + 1] - start[o];
+        if (o > 0) end_to_[o] = std::max(end_to_[o], end_to_[o - 1]);
     }
+    for (std::size_t o = first.size(); o > 1; --o)
+        first_from_[o - 2] = std::min(first_from_[o - 2], first_from_[o - 1]);
     total_ = static_cast<std::int64_t>(weights.size());
     if (most_taps_ <= 2)
         for (std::size_t o = 0; o < first.size(); ++o) {
@@ -331,13 +333,15 @@ std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin,
     return {low, high};
 }
 
-std::int64_t WeightTable::first_from(std::int64_t begin) const {
-    return first_from_.empty() ? taps(Space::host).first[begin] : first_from_[static_cast<std::size_t>(begin)];
+std::pair<std::int64_t, std::int64_t> WeightTable::footprint_forward(std::int64_t begin, std::int64_t end) const {
+    return {first_from_[static_cast<std::size_t>(begin)], end_to_[static_cast<std::size_t>(end - 1)]};
 }
 
 bool WeightTable::ascends() const {
     AxisTable const t = taps(Space::host);
-    return std::is_sorted(t.first, t.first + n_out_);
+    for (std::int64_t o = 0; o < n_out_; ++o)
+        if (t.first[o] - first_from_[static_cast<std::size_t>(o)] > most_taps_) return false;
+    return true;
 }
 
 namespace {

@@ -69,10 +69,10 @@ public:
     int halving() const { return halving_; }
     /// The half-open input range that outputs [begin, end) need.
     std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
-    /// The first input that output `begin` or one after it needs: where lines are mirrored at their end, the last ones
-    /// look further back than those before.
-    std::int64_t first_from(std::int64_t begin) const;
-    /// True if no output begins to look further back than the one before it.
+    /// The same, together with what later outputs need before it and earlier ones behind it, so that both ends only go
+    /// forward: outputs that are voxels of the input need fewer than their neighbours.
+    std::pair<std::int64_t, std::int64_t> footprint_forward(std::int64_t begin, std::int64_t end) const;
+    /// True if no output begins to look further back than one before it, but for the reach of the kernel.
     bool ascends() const;
     AxisTable taps(Space space) const;
 
@@ -83,8 +83,8 @@ private:
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
     double divisor_ = 1, gain_ = 1, step_ = 1;
     int halving_ = 0;
-    bool leaves_out_ = false;              ///< taps beyond the ends
-    std::vector<std::int64_t> first_from_; ///< of every output, if they do not ascend
+    bool leaves_out_ = false;                       ///< taps beyond the ends
+    std::vector<std::int64_t> first_from_, end_to_; ///< of every output, see footprint_forward()
     mutable Buffer memory_; ///< first, start, weight, inside, one after the other; reading may copy it to the device
 };
 
