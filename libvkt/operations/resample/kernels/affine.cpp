@@ -8,6 +8,7 @@
 #include "libvkt/operations/resample/kernels/affine_places.h"
 #include "libvkt/operations/resample/kernels/affine_single.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
+#include "libvkt/operations/resample/kernels/still_axis.h"
 
 #include <cmath>
 #include <cstring>
@@ -189,30 +190,68 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
     });
 }
 
+/// Where the voxels lie that are nearest to the positions of a strip, all of them in the view.
+struct NearestPlaces {
+    std::int64_t index[strip];
+
+    void find(Places const places, double first, std::int32_t n) {
+        constexpr double half = 0.5 + face_slack;
+#pragma omp simd
+        for (std::int32_t i = 0; i < n; ++i) {
+            double const x = first + i;
+            double const wx = floor_of(places.at.x(x) + half), wy = floor_of(places.at.y(x) + half),
+                         wz = floor_of(places.at.z(x) + half);
+            index[i] = integer_of((wx - places.lower_x) + (wy - places.lower_y) * places.row_length +
+                                  (wz - places.lower_z) * places.slice_length);
+        }
+    }
+};
+
 template <class U>
-void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, U background,
+void nearest_bytes(View<U const> const& in, ConstView const& view, View<U> const& out, Box const& box, U background,
                    AffineSampling const& rule, std::int64_t& outside, Execution const& execution) {
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
     auto const index = [&](double p, std::int64_t n, std::int64_t first) {
         return place_of(whole_of(std::floor(p + (0.5 + face_slack))), n, boundary, first);
     };
-    for_each_segment(execution, box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t n) {
-        PositionRow const at = row_of(rule.map, {}, y, z);
-        XRange const in_it = inside({x0, x0 + n}, at, rule);
-        std::int64_t const m = in_it.end - in_it.begin;
-        U* const to = &out(x0, y, z);
-        if (m < n) std::fill_n(to, n, background);
-        for (std::int64_t x = in_it.begin; x < in_it.end; ++x) {
-            auto const fx = static_cast<double>(x);
-            std::int64_t const vx = index(at.x(fx), rule.dims.x, in.lower.x),
-                               vy = index(at.y(fx), rule.dims.y, in.lower.y),
-                               vz = index(at.z(fx), rule.dims.z, in.lower.z);
-            bool const border = boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
-            to[x - x0] = border ? background : in(vx, vy, vz);
+    auto const anywhere = [&](PositionRow const& at, double x) {
+        std::int64_t const vx = index(at.x(x), rule.dims.x, in.lower.x), vy = index(at.y(x), rule.dims.y, in.lower.y),
+                           vz = index(at.z(x), rule.dims.z, in.lower.z);
+        return boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0) ? background : in(vx, vy, vz);
+    };
+    static_assert(affine_tile.x == strip);
+    StillAxis const still = still_axis(rule.map);
+    Losses none;
+    for_each_tile(execution, box, affine_tile, none, outside, [&](Box const& tile, Tally& tally) {
+        XRange const all{tile.lower.x, tile.upper.x};
+        for (std::int64_t y = tile.lower.y; y < tile.upper.y; ++y) {
+            NearestPlaces places;
+            std::int64_t found = -1; // the slice that they were found for, if others share them
+            for (std::int64_t z = tile.lower.z; z < tile.upper.z; ++z) {
+                PositionRow const at = row_of(rule.map, {}, y, z);
+                bool const shared = still.axis == 2 && z + still.shift >= 0 && z + still.shift < rule.dims.z;
+                auto const [whole, in_it, quick] = ranges_of(all, at, rule, shared ? 2 : -1);
+                U* const to = &out(all.begin, y, z);
+                std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
+                if (m < n) std::fill_n(to, n, background);
+                tally.outside += n - m;
+                auto const slowly = [&](std::int64_t begin, std::int64_t end) {
+                    for (std::int64_t x = begin; x < end; ++x) to[x - all.begin] = anywhere(at, static_cast<double>(x));
+                };
+                slowly(in_it.begin, quick.begin);
+                if (quick.begin < quick.end) {
+                    auto const count = static_cast<std::int32_t>(quick.end - quick.begin);
+                    if (!shared || found < 0) {
+                        places.find(Places(view, at), static_cast<double>(quick.begin), count);
+                        found = shared ? z : -1;
+                    }
+                    U const* const from = in.data + (shared ? (z - found) * in.slice : 0);
+                    U* const there = to + (quick.begin - all.begin);
+                    for (std::int32_t i = 0; i < count; ++i) there[i] = from[places.index[i]];
+                }
+                slowly(quick.end, in_it.end);
+            }
         }
-        if (m == n) return;
-#pragma omp atomic
-        outside += n - m;
     });
 }
 
@@ -246,7 +285,7 @@ void affine_nearest(ConstView in, AnyView out, AffineSampling const& rule, std::
     for_each_size(size_of(in.type), [&]<class U>(U) {
         U background;
         std::memcpy(&background, voxel.data(), sizeof background);
-        nearest_bytes<U>(in.as<U>(), out.as<U>(), out.box, background, rule, outside, execution);
+        nearest_bytes<U>(in.as<U>(), in, out.as<U>(), out.box, background, rule, outside, execution);
     });
 }
 
