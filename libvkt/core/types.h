@@ -101,8 +101,10 @@ enum class Axis : std::uint8_t { x, y, z };
     case Boundary::clamp:
         return i < 0 ? 0 : n - 1;
     case Boundary::wrap:
+        if (i >= -n && i < 2 * n) return i < 0 ? i + n : i - n; // nearly always, and divisions take long
         return ((i % n) + n) % n;
     case Boundary::mirror: {
+        if (i >= -n && i < 2 * n) return i < 0 ? -1 - i : 2 * n - 1 - i;
         std::int64_t const period = 2 * n;
         std::int64_t const j = ((i % period) + period) % period;
         return j < n ? j : period - 1 - j;

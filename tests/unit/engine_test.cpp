@@ -379,6 +379,23 @@ TEST(Engine, BordersAreThoseOfTheRule) {
 }
 
 TEST(Engine, FoldRepeatsAsOftenAsNeeded) {
+    // Step by step from inside.
+    for (std::int64_t n = 1; n <= 5; ++n) {
+        for (bool const up : {true, false}) {
+            std::int64_t mirrored = up ? n - 1 : 0, way = up ? 1 : -1;
+            for (std::int64_t k = 1; k <= 40; ++k) {
+                if (std::int64_t const next = mirrored + way; next < 0 || next >= n)
+                    way = -way; // the voxel at the end counts twice
+                else
+                    mirrored = next;
+                std::int64_t const at = up ? n - 1 + k : -k;
+                EXPECT_EQ(fold(at, n, Boundary::mirror), mirrored) << at << " of " << n;
+                EXPECT_EQ(fold(at, n, Boundary::wrap), up ? (k - 1) % n : n - 1 - (k - 1) % n) << at << " of " << n;
+                EXPECT_EQ(fold(at, n, Boundary::clamp), up ? n - 1 : 0);
+                EXPECT_EQ(fold(at, n, Boundary::border), -1);
+            }
+        }
+    }
     EXPECT_EQ(fold(-1, 4, Boundary::mirror), 0);
     EXPECT_EQ(fold(4, 4, Boundary::mirror), 3);
     EXPECT_EQ(fold(-9, 4, Boundary::mirror), 0);

@@ -93,18 +93,13 @@ private:
         }
         return C(0.5) * sum;
     }
-    /// fold(), whose remainders take long: hardly a voxel lies further beyond an end than the volume is long.
-    __device__ __forceinline__ std::int64_t folded(std::int64_t index) const {
-        if (boundary != Boundary::mirror || index < -n || index >= 2 * n) return fold(index, n, boundary);
-        return index < 0 ? -1 - index : index < n ? index : 2 * n - 1 - index;
-    }
     /// Where some are beyond the ends of a line. Apart, lest it takes registers from what nearly all threads do.
     __device__ __noinline__ C average_at_end(V const* line, std::int64_t middle, std::int64_t stride) const {
         std::int64_t const first = along<Axis>(from.lower);
         auto const value = [&](std::int64_t o) {
             std::int64_t const index = middle + o;
             bool const there = index >= first && index < along<Axis>(from.upper);
-            std::int64_t const source = there ? index : folded(index);
+            std::int64_t const source = there ? index : fold(index, n, boundary);
             return source < 0 && !there ? border : value_of<C, Voxels>(line[(source - first) * stride]);
         };
         if (radius == 0) return value(0);

@@ -56,6 +56,39 @@ template <class Kernel, int N> struct StripConvolution {
         });
     }
 
+    /// One sample of voxels anywhere, in the same order.
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Kernel> const& at, double border) {
+        if (at.any_border) return VKT_BACKEND::sample_folded<Kernel>(data, at, border);
+        double wx[N], wy[N], wz[N];
+        Kernel::weights(at.fraction[0], wx);
+        Kernel::weights(at.fraction[1], wy);
+        Kernel::weights(at.fraction[2], wz);
+        std::int64_t const(&x)[N] = at.place[0];
+        Doubles4 total{}, last_total{};
+        for (int k = 0; k < N; ++k) {
+            if (wz[k] == 0) continue;
+            Doubles4 part{}, last_part{};
+            for (int j = 0; j < N; ++j) {
+                if (wy[j] == 0) continue;
+                T const* const from = data + at.place[1][j] + at.place[2][k];
+                double values[N];
+                for (int i = 0; i < N; ++i) values[i] = static_cast<double>(from[x[i]]);
+                Doubles4 v;
+                std::memcpy(&v, values, sizeof v);
+                part += wy[j] * v;
+                if constexpr (N == 4) continue;
+                std::memcpy(&v, values + N - 4, sizeof v);
+                last_part += wy[j] * v;
+            }
+            total += wz[k] * part;
+            last_total += wz[k] * last_part;
+        }
+        double result = 0;
+        auto const column = [&](int i) { return term_of(wx[i], i < 4 ? total[i] : last_total[i - (N - 4)]); };
+        for (int i = 0; i < N; i += 2) result += column(i) + column(i + 1);
+        return result;
+    }
+
 private:
     template <bool Zeros, class T>
     static double sum(T const* corner, std::int64_t row, std::int64_t slice, std::int32_t s,
@@ -103,6 +136,9 @@ private:
 };
 
 struct StripLinear {
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Linear> const& at, double border) {
+        return VKT_BACKEND::sample_folded<Linear>(data, at, border);
+    }
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
         double v[8][strip];
         for (int corner = 0; corner < 8; ++corner)
@@ -117,6 +153,9 @@ struct StripLinear {
 };
 
 struct StripNearest {
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Nearest> const& at, double border) {
+        return VKT_BACKEND::sample_folded<Nearest>(data, at, border);
+    }
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
         std::int64_t index[strip];
         double const half = 0.5 - face_slack;
@@ -142,8 +181,14 @@ template <class Kernel, class Strip>
 void sample_row(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
     XRange const quick = interior(range, at, rule);
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t x = begin; x < end; ++x)
-            to[x - range.begin] = sample_anywhere<Kernel>(in, at, static_cast<double>(x), rule);
+        if (begin == end) return;
+        with_type(in.type, [&]<class T>(T) {
+            T const* const data = reinterpret_cast<T const*>(in.data);
+            for (std::int64_t x = begin; x < end; ++x) {
+                FoldedPlaces<Kernel> const places(in, at, static_cast<double>(x), rule);
+                to[x - range.begin] = Strip::sample_folded(data, places, rule.border);
+            }
+        });
     };
     slowly(range.begin, quick.begin);
     if (quick.begin < quick.end) sample_run<Strip>(in, Places(in, at), quick, to + (quick.begin - range.begin));

@@ -143,42 +143,46 @@ inline std::int64_t place_of(std::int64_t at, std::int64_t n, Boundary boundary,
     return boundary == Boundary::wrap ? first + fold(at - first, n, boundary) : fold(at, n, boundary);
 }
 
-/// A sample anywhere: what lies outside the volume is folded back or is the border.
-template <class Kernel>
-double sample_anywhere(ConstView const& in, PositionRow const& at, double x, AffineSampling const& rule) {
-    constexpr int before = static_cast<int>(reach_of(Kernel::kind).before),
-                  n = before + 1 + static_cast<int>(reach_of(Kernel::kind).after);
-    Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
-    bool const continued =
-        spline_degree(Kernel::kind) > 0 && boundary != Boundary::mirror && boundary != Boundary::wrap;
-    std::int64_t const stride[3] = {1, in.row, in.slice};
-    std::int64_t place[3][n]; // voxels from the view's first
-    bool border[3][n];
-    double fraction[3];
-    for (int axis = 0; axis < 3; ++axis) {
-        double const p = at.line(axis)(x), whole = std::floor(p);
-        fraction[axis] = p - whole;
-        std::int64_t const first = whole_of(whole) - before, dims = rule.dims[axis], lower = in.box.lower[axis];
-        std::int64_t const beyond = beyond_along(dims, rule.beyond, boundary);
-        for (int i = 0; i < n; ++i) {
-            std::int64_t const index = continued ? std::clamp(first + i, -beyond, dims - 1 + beyond)
-                                                 : place_of(first + i, dims, boundary, lower);
-            border[axis][i] = !continued && boundary == Boundary::border && index < 0;
-            place[axis][i] = (index - lower) * stride[axis];
+/// Where a sample anywhere looks, along each axis: what lies outside the volume is folded back or is the border.
+template <class Kernel> struct FoldedPlaces {
+    static constexpr int before = static_cast<int>(reach_of(Kernel::kind).before),
+                         n = before + 1 + static_cast<int>(reach_of(Kernel::kind).after);
+    std::int64_t place[3][n] = {}; ///< voxels from the view's first
+    bool border[3][n] = {};
+    bool any_border = false;
+    double fraction[3] = {};
+
+    FoldedPlaces(ConstView const& in, PositionRow const& at, double x, AffineSampling const& rule) {
+        Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
+        bool const continued =
+            spline_degree(Kernel::kind) > 0 && boundary != Boundary::mirror && boundary != Boundary::wrap;
+        std::int64_t const stride[3] = {1, in.row, in.slice};
+        for (int axis = 0; axis < 3; ++axis) {
+            double const p = at.line(axis)(x), whole = std::floor(p);
+            fraction[axis] = p - whole;
+            std::int64_t const first = whole_of(whole) - before, dims = rule.dims[axis], lower = in.box.lower[axis];
+            std::int64_t const beyond = beyond_along(dims, rule.beyond, boundary);
+            for (int i = 0; i < n; ++i) {
+                std::int64_t const index = continued ? std::clamp(first + i, -beyond, dims - 1 + beyond)
+                                                     : place_of(first + i, dims, boundary, lower);
+                border[axis][i] = !continued && boundary == Boundary::border && index < 0;
+                any_border = any_border || border[axis][i];
+                place[axis][i] = (index - lower) * stride[axis];
+            }
         }
     }
-    double value[n][n][n];
-    with_type(in.type, [&]<class T>(T) {
-        T const* const data = reinterpret_cast<T const*>(in.data);
-        for (int k = 0; k < n; ++k)
-            for (int j = 0; j < n; ++j)
-                for (int i = 0; i < n; ++i)
-                    value[k][j][i] = border[0][i] || border[1][j] || border[2][k]
-                                         ? rule.border
-                                         : static_cast<double>(data[place[0][i] + place[1][j] + place[2][k]]);
-    });
-    return Kernel::value([&](int i, int j, int k) { return value[k + before][j + before][i + before]; }, fraction[0],
-                         fraction[1], fraction[2]);
+};
+
+/// The sample at such places, one voxel after another.
+template <class Kernel, class T> double sample_folded(T const* data, FoldedPlaces<Kernel> const& at, double border) {
+    constexpr int before = FoldedPlaces<Kernel>::before;
+    auto const value = [&](int i, int j, int k) {
+        i += before, j += before, k += before;
+        return at.border[0][i] || at.border[1][j] || at.border[2][k]
+                   ? border
+                   : static_cast<double>(data[at.place[0][i] + at.place[1][j] + at.place[2][k]]);
+    };
+    return Kernel::value(value, at.fraction[0], at.fraction[1], at.fraction[2]);
 }
 
 } // namespace vkt::VKT_BACKEND
