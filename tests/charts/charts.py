@@ -173,7 +173,7 @@ def gaussians(options):
         inner = (slice(min(5 * sigma, n // 3), -min(5 * sigma, n // 3)),) * 3
         reference = ndimage.gaussian_filter(v.astype(np.float64), sigma, truncate=8)[inner]
         error = lambda result: np.max(np.abs(result[inner].astype(np.float64) - reference))
-        for tolerance in ("3%", "1%", "0.1%", "0.01%", "0.001%"):
+        for tolerance in ("3%", "1%", "0.1%", "0.01%", "0.001%", "0.00001%"):
             chart.add("vkt", tolerance, lambda: volume.apply("filter gaussian", sigma=sigma, tolerance=tolerance), error)
         for cut in (2, 3, 4, 5):
             chart.add("SciPy", f"cut at {cut}", lambda: ndimage.gaussian_filter(v, sigma, truncate=cut), error)
@@ -455,8 +455,8 @@ def pictures(options):
             if done.returncode != 0:
                 sys.exit(done.stderr)
             for row in csv.DictReader(done.stdout.splitlines()):
-                turned = re.search("--(step|spp|tolerance) ([^ ]+)", row["pipeline"])
-                knob = " ".join(turned.groups()) if turned else "as it is"
+                turned = re.findall("--(step|spp|tolerance|leave-out) ([^ ]+)", row["pipeline"])
+                knob = ", ".join(" ".join(words) for words in turned) or "as it is"
                 if int(row["threads"]) == len(os.sched_getaffinity(0)):
                     chart.point("vkt", knob, float(row["whole_seconds"]), float(row["max_error"]))
             charts.append(chart)
