@@ -55,8 +55,8 @@ Command read_command() {
            "head -c 24000 /dev/zero | vkt read - --dims 40 30 10 --dtype int16 --endian big | vkt info"},
           {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info"},
           {"One of several volumes",
-           "vkt flip x volume.nrrd -o flipped.nrrd && vkt stack volume.nrrd flipped.nrrd -o series.nrrd && vkt read "
-           "series.nrrd --index 1 | vkt diff - flipped.nrrd"}}});
+           "vkt filter median volume.nrrd --radius 1 -o smooth.nrrd && vkt stack volume.nrrd smooth.nrrd -o "
+           "series.nrrd && vkt read series.nrrd --index 1 | vkt diff - smooth.nrrd"}}});
 }
 
 } // namespace vkt::shell
