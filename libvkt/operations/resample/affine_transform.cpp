@@ -7,6 +7,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/remarks.h"
+#include "libvkt/operations/resample/resample_size.h"
 
 #include <cmath>
 
@@ -164,11 +165,7 @@ AffineTransform::Layout AffineTransform::layout_for(Header const& input) const {
         part.header.geometry = cropped(input.geometry, layout.box.lower);
         layout.placement = place(source_map(part), layout.region_dims);
     }
-    try {
-        vkt::check(layout.output);
-    } catch (Error const& error) { // what was asked for is too large: not the data's fault
-        throw Error(ErrorKind::usage, error.what(), error.hint());
-    }
+    check_wanted(layout.output);
     layout.values.in = layout.values.out = input.dtype;
     Background background;
     if (boundary_)

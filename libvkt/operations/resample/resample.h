@@ -13,33 +13,12 @@
 #include "libvkt/operations/resample/interpolation_choice.h"
 #include "libvkt/operations/resample/resample_method.h"
 #include "libvkt/operations/resample/resample_onto.h"
+#include "libvkt/operations/resample/resample_size.h"
 
 #include <array>
 #include <memory>
 
 namespace vkt {
-
-/// A number of cells: "50000000", "50M" (k, M, G: thousands, millions, thousands of millions).
-struct CellCount {
-    std::int64_t value = 0;
-};
-template <> struct ValueText<CellCount> : OneWord {
-    static CellCount read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(CellCount v) { return {to_text(v.value)}; }
-};
-
-/// Numbers of voxels along x, y and z; 0 stands for "auto", in proportion to the others.
-struct WantedDims {
-    WantedDims(Index3 v) : value(v) {}
-    Index3 value;
-};
-/// Three words or one with commas, any but not all of them "auto".
-template <> struct ValueText<WantedDims> {
-    static constexpr int min_words = 3, max_words = 3;
-    static std::vector<std::string> choices() { return {}; }
-    static WantedDims read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(WantedDims v);
-};
 
 /// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto
 /// takes the area average of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the
