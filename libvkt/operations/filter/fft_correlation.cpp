@@ -105,7 +105,9 @@ void FftCorrelation::run(ConstView in, AnyView out, Execution const& execution) 
 
     // Slices [begin, end) of two squares.
     auto const pair = [&](std::int64_t first, std::int64_t begin, std::int64_t end, Workspace& workspace) {
-        auto& [ring, row, sums, values, scratch, bad] = workspace;
+        std::vector<double>&ring = workspace.ring, &row = workspace.row;
+        std::vector<Complex>&sums = workspace.sums, &values = workspace.values, &scratch = workspace.scratch;
+        std::vector<bool>& bad = workspace.bad;
         Box const boxes[2] = {square(first), square(first + 1)};
         if (boxes[0].empty() && boxes[1].empty()) return;
         std::int64_t const lowest = begin - r.z;

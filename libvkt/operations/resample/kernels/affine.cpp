@@ -8,10 +8,12 @@
 #include "libvkt/operations/resample/kernels/affine_places.h"
 #include "libvkt/operations/resample/kernels/affine_single.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
+#include "libvkt/operations/resample/kernels/smooth_slices.h"
 #include "libvkt/operations/resample/kernels/still_axis.h"
 
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 namespace vkt {
 
@@ -176,10 +178,11 @@ template <class Strip> void sample_run(ConstView const& in, Places const& at, XR
     }
 }
 
-/// Samples of a row for x in `range`; to[0] belongs to its first.
-template <class Kernel, class Strip>
-void sample_row(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
-    XRange const quick = interior(range, at, rule);
+/// Samples of a row for x in `range`; to[0] belongs to its first. run(quick, to) gives those of the part that looks at
+/// nothing beyond the volume.
+template <class Kernel, class Strip, class Run>
+void sample_row(ConstView const& in, PositionRow const& at, XRange range, XRange quick, AffineSampling const& rule,
+                double* to, Run const& run) {
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
         if (begin == end) return;
         with_type(in.type, [&]<class T>(T) {
@@ -191,7 +194,7 @@ void sample_row(ConstView const& in, PositionRow const& at, XRange range, Affine
         });
     };
     slowly(range.begin, quick.begin);
-    if (quick.begin < quick.end) sample_run<Strip>(in, Places(in, at), quick, to + (quick.begin - range.begin));
+    if (quick.begin < quick.end) run(quick, to + (quick.begin - range.begin));
     slowly(quick.end, range.end);
 }
 
@@ -225,7 +228,9 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
                                    rule.map.column[1] * aside(sub / k.x % k.y, k.y) +
                                    rule.map.column[2] * aside(sub / k.x / k.y, k.z);
                 PositionRow const at = row_of(rule.map, shift, y, z);
-                sample_row<Kernel, Strip>(in, at, in_it, rule, ++count == 1 ? there : sample);
+                auto const run = [&](XRange quick, double* to) { sample_run<Strip>(in, Places(in, at), quick, to); };
+                sample_row<Kernel, Strip>(in, at, in_it, interior(in_it, at, rule), rule, ++count == 1 ? there : sample,
+                                          run);
                 if (count > 1) join_mean(sample, there, m, count);
             }
             if (rule.scale != 1 || rule.offset != 0)
@@ -233,6 +238,74 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
             tally.losses += store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
         });
     });
+}
+
+/// The same where slices share their places: `box` has only such. Tiles that are cut, or look at too much, are sampled
+/// one row after another.
+template <class Kernel, int N, class Strip>
+void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampling const& rule, StillAxis still,
+                   Losses& losses, std::int64_t& outside, Execution const& execution) {
+    using Smooth = SmoothSlices<Kernel, N>;
+    with_type(in.type, [&]<class T>(T) {
+        if constexpr (Smooth::template takes<T>) {
+            struct Scratch {
+                std::optional<Smooth> smooth;
+                Interleaved<T, Smooth::slices> voxels;
+            };
+            for_each_tile<Scratch>(
+                execution, box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally, Scratch& scratch) {
+                    if (!scratch.smooth) scratch.smooth.emplace(in, rule, still);
+                    Smooth& smooth = *scratch.smooth;
+                    Execution one = execution;
+                    one.threads = 1;
+                    if (tile.dims()[still.axis] < Smooth::together || !smooth.sample(tile, scratch.voxels))
+                        return sample_box<Kernel, Strip>(in, out.part(tile), rule, tally.losses, tally.outside, one);
+                    alignas(64) double values[affine_tile.x];
+                    for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
+                        PositionRow const at = row_of(rule.map, {}, y, z);
+                        RowRanges const ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
+                        XRange const all = ranges.all, in_it = ranges.inside;
+                        std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
+                        double* const there = values + (m > 0 ? in_it.begin - all.begin : 0);
+                        if (m < n) std::fill_n(values, n, rule.background);
+                        tally.outside += n - m;
+                        double const* const known = smooth.values(tile, y, z);
+                        auto const run = [&](XRange part, double* to) {
+                            std::copy_n(known + (part.begin - all.begin), part.end - part.begin, to);
+                        };
+                        if (m > 0) sample_row<Kernel, Strip>(in, at, in_it, ranges.interior, rule, there, run);
+                        if (rule.scale != 1 || rule.offset != 0)
+                            for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+                        tally.losses +=
+                            store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
+                    });
+                });
+        }
+    });
+}
+
+/// By kernels of N^3 voxels: slices that share their places together, what is beside these row by row.
+template <class Kernel, int N>
+void sample_smooth(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+                   Execution const& execution) {
+    using Strip = StripConvolution<Kernel, N>;
+    StillAxis const still = still_axis(rule.map);
+    bool const takes = with_type(in.type, []<class T>(T) { return SmoothSlices<Kernel, N>::template takes<T>; });
+    bool const once = rule.samples == Index3{1, 1, 1};
+    Box part;
+    if (still.axis >= 0 && takes && once) {
+        XRange const whole = SmoothSlices<Kernel, N>(in, rule, still).whole_slices();
+        part = out.box;
+        part.lower[still.axis] = std::clamp(whole.begin, out.box.lower[still.axis], out.box.upper[still.axis]);
+        part.upper[still.axis] = std::clamp(whole.end, part.lower[still.axis], out.box.upper[still.axis]);
+    }
+    if (part.empty()) return sample_box<Kernel, Strip>(in, out, rule, losses, outside, execution);
+    sample_slices<Kernel, N, Strip>(in, out, part, rule, still, losses, outside, execution);
+    for (bool const above : {false, true}) { // slices that look beyond the volume
+        Box beside = out.box;
+        (above ? beside.lower : beside.upper)[still.axis] = (above ? part.upper : part.lower)[still.axis];
+        if (!beside.empty()) sample_box<Kernel, Strip>(in, out.part(beside), rule, losses, outside, execution);
+    }
 }
 
 /// Where the voxels lie that are nearest to the positions of a strip, all of them in the view.
@@ -275,7 +348,8 @@ void nearest_bytes(View<U const> const& in, ConstView const& view, View<U> const
             for (std::int64_t z = tile.lower.z; z < tile.upper.z; ++z) {
                 PositionRow const at = row_of(rule.map, {}, y, z);
                 bool const shared = still.axis == 2 && z + still.shift >= 0 && z + still.shift < rule.dims.z;
-                auto const [whole, in_it, quick] = ranges_of(all, at, rule, shared ? 2 : -1);
+                RowRanges const ranges = ranges_of(all, at, rule, shared ? 2 : -1);
+                XRange const in_it = ranges.inside, quick = ranges.interior;
                 U* const to = &out(all.begin, y, z);
                 std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
                 if (m < n) std::fill_n(to, n, background);
@@ -307,6 +381,9 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
     auto const sample = [&]<class Kernel, class Strip>() {
         sample_box<Kernel, Strip>(in, out, rule, losses, outside, execution);
     };
+    auto const smooth = [&]<class Kernel, int N>() {
+        sample_smooth<Kernel, N>(in, out, rule, losses, outside, execution);
+    };
     if (rule.single) return sample_single(in, out, rule, losses, outside, execution);
     switch (rule.interpolant) {
     case Interpolant::nearest:
@@ -314,13 +391,13 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
     case Interpolant::linear:
         return sample.template operator()<Linear, StripLinear>();
     case Interpolant::cubic:
-        return sample.template operator()<Cubic, StripConvolution<Cubic, 4>>();
+        return smooth.template operator()<Cubic, 4>();
     case Interpolant::lanczos3:
-        return sample.template operator()<Lanczos3, StripConvolution<Lanczos3, 6>>();
+        return smooth.template operator()<Lanczos3, 6>();
     case Interpolant::bspline3:
-        return sample.template operator()<BSpline3, StripConvolution<BSpline3, 4>>();
+        return smooth.template operator()<BSpline3, 4>();
     case Interpolant::bspline5:
-        return sample.template operator()<BSpline5, StripConvolution<BSpline5, 6>>();
+        return smooth.template operator()<BSpline5, 6>();
     }
 }
 

@@ -217,7 +217,8 @@ private:
         };
         std::int64_t const x = tile.upper.x - 1, row = tile.upper[plane_] - 1;
         return Outline({corner(tile.lower.x, tile.lower[plane_]), corner(x, tile.lower[plane_]), corner(x, row),
-                        corner(tile.lower.x, row)});
+                        corner(tile.lower.x, row)},
+                       reach_of(Interpolant::linear));
     }
     /// run(to) gives what looks at nothing beyond the volume.
     template <class Run>

@@ -20,24 +20,27 @@ struct PlanePosition {
 /// Where the samples of a rectangle of the output look in a plane of the input: a parallelogram.
 class Outline {
 public:
-    /// The corners, one after the other around it.
-    explicit Outline(PlanePosition const (&corners)[4]) {
+    /// The corners, one after the other around it, and how far samples look.
+    Outline(PlanePosition const (&corners)[4], Reach reach) : reach_(reach) {
         std::copy(std::begin(corners), std::end(corners), std::begin(corners_));
         for (int i = 0; i < 4; ++i) {
             PlanePosition const a = corners_[i], b = corners_[(i + 1) % 4];
             per_row_[i] = a.row == b.row ? 0 : 1 / (b.row - a.row);
         }
     }
-    /// Rows of voxels, the first and one beyond the last, that linear interpolation looks at.
+    /// Rows of voxels, the first and one beyond the last, that are looked at.
     std::int64_t first_row() const {
-        return whole(std::min({corners_[0].row, corners_[1].row, corners_[2].row, corners_[3].row}) - slack);
+        return whole(std::min({corners_[0].row, corners_[1].row, corners_[2].row, corners_[3].row}) - slack) -
+               reach_.before;
     }
     std::int64_t end_row() const {
-        return whole(std::max({corners_[0].row, corners_[1].row, corners_[2].row, corners_[3].row}) + slack) + 2;
+        return whole(std::max({corners_[0].row, corners_[1].row, corners_[2].row, corners_[3].row}) + slack) + 1 +
+               reach_.after;
     }
     /// The same for the voxels of a row.
     std::pair<std::int64_t, std::int64_t> range(std::int64_t row) const {
-        double const low = static_cast<double>(row) - 1 - slack, high = static_cast<double>(row) + 1 + slack;
+        double const low = static_cast<double>(row - reach_.after) - slack,
+                     high = static_cast<double>(row + 1 + reach_.before) + slack;
         double least = 1e300, most = -1e300;
         for (int i = 0; i < 4; ++i) {
             PlanePosition const a = corners_[i], b = corners_[(i + 1) % 4];
@@ -53,7 +56,7 @@ public:
             least = std::min({least, from, to}), most = std::max({most, from, to});
         }
         if (least > most) return {0, 0};
-        return {whole(least - slack), whole(most + slack) + 2};
+        return {whole(least - slack) - reach_.before, whole(most + slack) + 1 + reach_.after};
     }
 
 private:
@@ -61,6 +64,7 @@ private:
     static std::int64_t whole(double v) { return static_cast<std::int64_t>(std::floor(v)); }
 
     PlanePosition corners_[4];
+    Reach reach_;
     double per_row_[4]; ///< share of the edge that a row takes, 0 for an edge along a row
 };
 
@@ -105,6 +109,8 @@ public:
     }
     std::int64_t place(std::int64_t x, std::int64_t row) const { return (row - first_row_) * width_ + x - first_x_; }
 
+    /// The voxels of all slices at a place of the plane.
+    T const* at(std::int64_t x, std::int64_t row) const { return voxels_.data() + place(x, row) * slices; }
     /// Between the four voxels from a place on, of all slices: what linear interpolation by these fractions gives.
     void sample(std::int64_t place, float fx, float frow, float* to) const {
         T const *const near = voxels_.data() + place * slices, *const next = near + width_ * slices;
