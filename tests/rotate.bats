@@ -338,6 +338,16 @@ assert get()[0, 0, 10] == 255 and "background -514, the nearest" in said, said'
             vkt $what --axis y w.vkt -q --slab 100 | vkt permute xzy | vkt diff - <(vkt ${what/--angle /--angle -} --axis z v.vkt -q) --tolerance 1e-4
         done
     done
+    # By every method, about both axes, whatever is cut.
+    for method in nearest cubic lanczos3 bspline3 bspline5; do
+        for axis in z y; do
+            vkt rotate --axis $axis --angle 25 --method $method floats.vkt -q --threads 1 -o whole.vkt --force
+            for cut in '--slab 5' '--slab 1 --threads 3' '--memory 1M'; do
+                # shellcheck disable=SC2086
+                vkt rotate --axis $axis --angle 25 --method $method floats.vkt -q $cut | vkt diff - whole.vkt
+            done
+        done
+    done
     # Numbers that are none stay where they are, whether their slices are turned together or not.
     vkt transform 'mod(x*7+y*3+z, 11) == 0 ? (z > 20 ? 0/0 : 1/0) : v' floats.vkt -q | vkt rotate --angle 20 -q --slab 5 -o few.vkt
     vkt transform 'mod(x*7+y*3+z, 11) == 0 ? (z > 20 ? 0/0 : 1/0) : v' floats.vkt -q | vkt rotate --angle 20 -q --slab 100 -o all.vkt
