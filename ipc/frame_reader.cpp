@@ -30,10 +30,10 @@ FrameReader::FrameReader(std::unique_ptr<ByteSource> bytes, StreamOptions const&
 void FrameReader::ended_early() const {
     double const total = static_cast<double>(header_.bytes());
     double const got = static_cast<double>(voxel_bytes_);
+    std::string const lacks = got < total ? text(bytes_text(got), " of ", bytes_text(total)) : "its end is missing";
     throw Error(ErrorKind::data,
-                in_volume_
-                    ? text("the volume on ", name(), " ended early: ", bytes_text(got), " of ", bytes_text(total))
-                    : text("the stream on ", name(), " ended early, within its header"),
+                in_volume_ ? text("the volume on ", name(), " ended early: ", lacks)
+                           : text("the stream on ", name(), " ended early, within its header"),
                 "an upstream command failed or the file was cut off");
 }
 

@@ -53,7 +53,7 @@ values() { vkt write - --format raw; }
     for wrong in -1 x 2:2 3:1 ::0 1:2:3:4 ''; do fails_with 2 index vkt read all.vkt "--index=$wrong"; done
     # What comes behind in a stream is looked at all the same, and the recipe says which one it was.
     head -c -20 all.vkt >cut.vkt
-    fails_with 3 'ended early' vkt read - --index 0 <cut.vkt
+    fails_with 3 'ended early: its end is missing' vkt read - --index 0 <cut.vkt
     vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 --index 1 | vkt history - | grep -q -- '--index 1'
 }
 
