@@ -25,10 +25,11 @@ namespace vkt {
 /// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); the others can
 /// leave the range of their input, so that unsigned types become float32 (float64 from 32 bits on) unless a type is
 /// given. When shrinking cubic (Keys, a = -1/2) and lanczos3 are stretched, splines are sampled several times. Sums are
-/// in double, of 64-bit integers in 128-bit ones. A constant border enters the sums as it is, whatever the type. One
-/// pass: a row of output is the weighted sum of the input rows in its footprint, then of their voxels; about one
-/// multiply-add per input voxel when shrinking. --like puts the volume onto another's grid, see Onto. Hierarchical
-/// volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
+/// in double, of 64-bit integers in 128-bit ones. A constant border enters the sums as it is, whatever the type. A row
+/// of output is the weighted sum of the input rows in its footprint, then of their voxels: about one multiply-add per
+/// input voxel when shrinking; of wide kernels sums along z, y and x follow one another, see in_passes(). --like puts
+/// the volume onto another's grid, see Onto. Hierarchical volumes become structured ones: basis, nearest, average or
+/// auto, see Reconstruction; basis by default.
 class Resample : public Operation, public Tunable, public Prepared {
 public:
     std::optional<Vec3> scale;
