@@ -719,6 +719,22 @@ END
         # shellcheck disable=SC2086
         vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --scale 1.7 $options | vkt diff - <(vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --scale 1.7)
     done
+    # However near to a face, nothing of a region lies outside.
+    vkt make noise --dims 4 4 4 --dtype uint8 --low 1 --high 9 -o e.vkt
+    for method in nearest linear area; do
+        for roi in 3.9999:4,:,: 0:0.0001,:,: 3.999999:4,:,3.9999:4; do
+            vkt resample e.vkt --roi $roi --dims 200 4 5 --method $method -o near.vkt --force 2>said
+            vkt stats near.vkt --json >near.json
+            grep -q '"min": [1-9]' near.json
+            run ! grep background said
+        done
+    done
+    # A region that is all of the volume is the volume: integers in exact arithmetic.
+    vkt make noise --dims 40 40 1 --dtype uint16 -o w.vkt
+    vkt resample w.vkt --dims 60 60 1 --method linear --roi 0:40,:,0:1 | vkt diff - <(vkt resample w.vkt --dims 60 60 1 --method linear)
+    # Splines are planned as quickly as others, however much is averaged.
+    vkt make constant --dims 100000 1 1 --value 7 --dtype uint8 -o l.vkt
+    timeout 20 vkt resample l.vkt --dims 7 1 1 --method bspline3 | vkt stats --json | grep -q '"max": 7'
     fails_with 2 "leaves the volume" vkt resample v.nrrd --roi 1.5:20.25,:,:
     fails_with 2 "is empty along x" vkt resample v.nrrd --roi 2.5:2.5,:,:
     fails_with 2 "'nan' is not a number" vkt resample v.nrrd --roi 1.5:nan,:,:

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -233,6 +234,14 @@ LinearFilter::Weights KernelFilter::weights(Header const& in, Index3 /*cell_widt
     result.dense.radius = r;
     bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
     auto const taps = static_cast<double>(result.dense.taps.size());
+    double total = 0;
+    for (Tap const& tap : result.dense.taps) total += std::abs(tap.weight);
+    double const largest = is_integer(in.dtype) ? std::max(-lowest_of(in.dtype), highest_of(in.dtype)) : 1;
+    if (!wide && total * largest > static_cast<double>(std::numeric_limits<float>::max()))
+        throw Error(ErrorKind::usage,
+                    text("the weights of the kernel ", file_, " add up to ", total,
+                         ", too much for the float32 in which ", in.dtype, " is filtered"),
+                    "convert the volume first: vkt convert --dtype float64");
     bool const exact =
         is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic && !tolerance_;
     double const rounding = wide ? 0x1p-50 : 0x1p-24, allowed = tolerance_ ? tolerance_->share() : rounding;

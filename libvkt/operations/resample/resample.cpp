@@ -20,33 +20,35 @@ namespace vkt {
 VKT_OPERATION(Resample, "resample")
 
 Texts Resample::texts() const {
-    return {"Resample a volume to another number of voxels, or onto another's grid.",
-            "The volume keeps its extent in the world; voxels are cells, so the outer faces stay where they are. By "
-            "default axes that shrink are averaged "
-            "by area and axes that grow are interpolated linearly. nearest, linear and area keep the data type; cubic "
-            "turns unsigned integers "
-            "into floats, because it can leave their range.\n\n"
-            "--like puts the volume onto the grid of another, wherever and however turned that lies in the world; what "
-            "lies "
-            "outside becomes --background.\n\n"
-            "Hierarchical (AMR) volumes become structured ones: --cells 50M says how many voxels, --roi which part, in "
-            "finest cells; --method basis (default) interpolates across levels, average conserves the integral."
-            "\n\n"
-            "Accuracy: nearest is exact. Of integers linear and area come out as in exact arithmetic, rounded once; "
-            "floats are bounded by (n + 12) 2^-53 of the largest magnitude for n voxels that are summed, plus the "
-            "rounding of what is stored; cubic by up to twice that.",
-            {{"Half as many voxels along each axis",
-              "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
-             {"Sizes in voxels, cubic",
-              "vkt make sphere --dims 32 32 24 | vkt resample --dims 48 48 48 --method cubic | vkt info"},
-             {"Onto the grid of another volume, to subtract it",
-              "vkt make noise --dims 20 20 20 -o a.vkt && vkt make ramp --dims 30 30 30 --spacing 0.5 | vkt resample "
-              "--like "
-              "a.vkt | vkt arith sub - a.vkt | vkt stats"},
-             {"A grid of about 20 000 voxels from an AMR volume",
-              "vkt make amr --blocks 50 --levels 3 | vkt resample --cells 20k | vkt info"},
-             {"Cubic voxels from slices",
-              "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}};
+    return {
+        "Resample a volume to another number of voxels, or onto another's grid.",
+        "The volume keeps its extent in the world; voxels are cells, so the outer faces stay where they are. By "
+        "default axes that shrink are averaged "
+        "by area and axes that grow are interpolated linearly. nearest, linear and area keep the data type; cubic "
+        "turns unsigned integers "
+        "into floats, because it can leave their range.\n\n"
+        "--like puts the volume onto the grid of another, wherever and however turned that lies in the world; what "
+        "lies "
+        "outside becomes --background.\n\n"
+        "Hierarchical (AMR) volumes become structured ones: --cells 50M says how many voxels, --roi which part, in "
+        "finest cells; --method basis (default) interpolates across levels, average conserves the integral."
+        "\n\n"
+        "Accuracy: nearest is exact. Of integers linear and area come out as in exact arithmetic, rounded once, unless "
+        "a part of the volume or another grid is asked for, whose positions are rounded; floats are bounded by (n + "
+        "12) 2^-53 of the largest magnitude for n voxels that are summed, plus the "
+        "rounding of what is stored; cubic by up to twice that.",
+        {{"Half as many voxels along each axis",
+          "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
+         {"Sizes in voxels, cubic",
+          "vkt make sphere --dims 32 32 24 | vkt resample --dims 48 48 48 --method cubic | vkt info"},
+         {"Onto the grid of another volume, to subtract it",
+          "vkt make noise --dims 20 20 20 -o a.vkt && vkt make ramp --dims 30 30 30 --spacing 0.5 | vkt resample "
+          "--like "
+          "a.vkt | vkt arith sub - a.vkt | vkt stats"},
+         {"A grid of about 20 000 voxels from an AMR volume",
+          "vkt make amr --blocks 50 --levels 3 | vkt resample --cells 20k | vkt info"},
+         {"Cubic voxels from slices",
+          "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}};
 }
 
 void Resample::parameters(Parameters& p) {
@@ -266,7 +268,8 @@ Resample::Layout Resample::layout_for(Header const& input, std::optional<Resampl
     Layout layout;
     layout.chosen = chosen;
     layout.from = input.dims;
-    if (!roi.empty()) {
+    bool const part = !roi.empty() && !takes_all(roi, input.dims);
+    if (part) {
         lay_region(input, layout);
         return layout;
     }
@@ -393,6 +396,14 @@ double Resample::background_in(Header const& volume) const {
     return stored;
 }
 
+/// True if a region is the whole volume.
+bool Resample::takes_all(Roi const& roi, Index3 dims) {
+    FineRegion const region = resolve_fine(roi, dims);
+    for (int a = 0; a < 3; ++a)
+        if (region.lower[a] != 0 || region.upper[a] != static_cast<double>(dims[a])) return false;
+    return true;
+}
+
 /// The outer faces of the result are the ends of the region.
 void Resample::lay_region(Header const& input, Layout& layout) const {
     FineRegion const region = resolve_fine(roi, input.dims);
@@ -416,7 +427,9 @@ void Resample::lay_onto(Header const& input, Placement const& placement, Layout&
         values.border = input.values.stored(boundary->value);
     else
         values.background = background_in(layout.output);
-    layout.onto.emplace(placement, layout.from, layout.to, used(layout), boundary, values);
+    // No voxel of a region lies outside, however near to a face: the voxels there go on.
+    bool const inside = like_.file.empty() && !boundary && !placement.whole();
+    layout.onto.emplace(placement, layout.from, layout.to, used(layout), inside ? BoundaryRule{} : boundary, values);
 }
 
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no

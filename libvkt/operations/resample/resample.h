@@ -100,6 +100,7 @@ private:
     Index3 target_dims(Header const& input, Vec3 extent) const;
     Beginning beginning(Header const& input) const;
     Layout layout_for(Header const& input, std::optional<ResampleMethod> chosen) const;
+    static bool takes_all(Roi const& roi, Index3 dims);
     void lay_region(Header const& input, Layout& layout) const;
     void lay_onto(Header const& input, Placement const& placement, Layout& layout) const;
     void lay_tables(Header const& input, Layout& layout) const;

@@ -92,7 +92,9 @@ Line smooth_line(ResampleKernel kernel, std::int64_t whole, long double fraction
         for (std::int64_t s = 0; s < samples; ++s) {
             long double const aside = (static_cast<long double>(s) + 0.5L) / static_cast<long double>(samples) - 0.5L;
             long double const at = samples == 1 ? fraction : fraction + width * aside;
-            for (std::int64_t j = -reach; j <= reach; ++j) { // coefficients, and the voxels that they are made of
+            auto const near = static_cast<std::int64_t>(std::floor(at));
+            // Coefficients, and the voxels that they are made of.
+            for (std::int64_t j = near - degree / 2; j <= near + 1 + degree / 2; ++j) {
                 long double const b = bspline(degree, at - static_cast<long double>(j));
                 if (b == 0) continue;
                 for (std::int64_t k = -filter.radius; k <= filter.radius; ++k)
