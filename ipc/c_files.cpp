@@ -41,7 +41,8 @@ Volume read_one(Source& source, std::string const& path, Execution const& execut
     if (!source.next_volume()) throw Error(ErrorKind::usage, text("'", path, "' holds no volume"));
     Volume volume = load(source, execution);
     if (source.next_volume())
-        throw Error(ErrorKind::usage, text("'", path, "' holds several volumes"), "say which one: --index N, counted from 0");
+        throw Error(ErrorKind::usage, text("'", path, "' holds several volumes"),
+                    "say which one: --index N, counted from 0");
     return volume;
 }
 
