@@ -10,7 +10,8 @@ load helper
         find "$VKT_BUILD/libvkt/CMakeFiles/vkt_$backend.dir" -name '*.o' >objects
         [ -s objects ]
         while read -r object; do
-            nm -C "$object" | grep ' [WVTu] ' | grep -v "$backend::\|DW.ref\|guard variable" | sed "s|^|$(basename "$object"): |"
+            # As they are in the object: c++filt gives up on names of lambdas in lambdas. _ZGV are guards of variables.
+            nm "$object" | grep ' [WVTu] ' | grep -v "${#backend}$backend\|DW.ref\|_ZGV" | c++filt | sed "s|^|$(basename "$object"): |"
         done <objects >leaks
         [ ! -s leaks ] || { cat leaks >&2; false; }
     done

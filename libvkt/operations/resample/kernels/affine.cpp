@@ -259,7 +259,8 @@ void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampl
                     Execution one = execution;
                     one.threads = 1;
                     if (tile.dims()[still.axis] < Smooth::together || !smooth.sample(tile, scratch.voxels))
-                        return sample_box<Kernel, Strip>(in, out.part(tile), rule, tally.losses, tally.outside, one);
+                        return sample_box<Kernel, Strip>(in, part_of(out, tile), rule, tally.losses, tally.outside,
+                                                         one);
                     alignas(64) double values[affine_tile.x];
                     for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
                         PositionRow const at = row_of(rule.map, {}, y, z);
@@ -294,7 +295,7 @@ void sample_smooth(ConstView const& in, AnyView out, AffineSampling const& rule,
     bool const once = rule.samples == Index3{1, 1, 1};
     Box part;
     if (still.axis >= 0 && takes && once) {
-        XRange const whole = SmoothSlices<Kernel, N>(in, rule, still).whole_slices();
+        XRange const whole = SmoothSlices<Kernel, N>::whole_slices(rule, still);
         part = out.box;
         part.lower[still.axis] = std::clamp(whole.begin, out.box.lower[still.axis], out.box.upper[still.axis]);
         part.upper[still.axis] = std::clamp(whole.end, part.lower[still.axis], out.box.upper[still.axis]);
@@ -304,7 +305,7 @@ void sample_smooth(ConstView const& in, AnyView out, AffineSampling const& rule,
     for (bool const above : {false, true}) { // slices that look beyond the volume
         Box beside = out.box;
         (above ? beside.lower : beside.upper)[still.axis] = (above ? part.upper : part.lower)[still.axis];
-        if (!beside.empty()) sample_box<Kernel, Strip>(in, out.part(beside), rule, losses, outside, execution);
+        if (!beside.empty()) sample_box<Kernel, Strip>(in, part_of(out, beside), rule, losses, outside, execution);
     }
 }
 

@@ -84,6 +84,10 @@ struct Tally {
 
 struct NoScratch {};
 
+/// A part of a view, by a function of the back end's own: what is compiled for newer processors must not be left for
+/// others to link.
+[[gnu::flatten]] inline AnyView part_of(AnyView const& view, Box const& box) { return view.part(box); }
+
 /// Calls f(tile, tally), or f(tile, tally, scratch) with what a thread keeps from tile to tile, for tiles of at most
 /// this extent that cover the box: what the samples of a tile look at lies together, however the rows run through the
 /// volume.
@@ -100,11 +104,12 @@ void for_each_tile(Execution const& execution, Box const& box, Index3 extent, Lo
             Box tile;
             tile.lower = {box.lower.x + item % nx * extent.x, box.lower.y + item / nx % ny * extent.y,
                           box.lower.z + item / nx / ny * extent.z};
-            tile.upper = tile.lower + extent;
+            for (int axis = 0; axis < 3; ++axis)
+                tile.upper[axis] = std::min(tile.lower[axis] + extent[axis], box.upper[axis]);
             if constexpr (std::is_same_v<Scratch, NoScratch>)
-                f(intersect(tile, box), tally);
+                f(tile, tally);
             else
-                f(intersect(tile, box), tally, scratch);
+                f(tile, tally, scratch);
         }
         stream_fence();
         driver::add(losses, tally.losses);

@@ -293,11 +293,11 @@ inline void sample_single(ConstView const& in, AnyView out, AffineSampling const
             std::clamp(rule.dims[still.axis] - still.shift, part.lower[still.axis], out.box.upper[still.axis]);
     }
     if (still.axis < 0 || part.empty()) return sample_box_single(in, out, rule, losses, outside, execution);
-    SlicesTogether(in, out.part(part), rule, still).run(losses, outside, execution);
+    SlicesTogether(in, part_of(out, part), rule, still).run(losses, outside, execution);
     for (bool const above : {false, true}) { // slices beside the volume
         Box beside = out.box;
         (above ? beside.lower : beside.upper)[still.axis] = (above ? part.upper : part.lower)[still.axis];
-        if (!beside.empty()) sample_box_single(in, out.part(beside), rule, losses, outside, execution);
+        if (!beside.empty()) sample_box_single(in, part_of(out, beside), rule, losses, outside, execution);
     }
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/operations/resample/kernels/affine_places.h"
 #include "libvkt/operations/resample/kernels/interleaved.h"
 #include "libvkt/operations/resample/kernels/still_axis.h"
@@ -23,16 +24,17 @@ public:
           across_(still.axis == 2 ? in.row : in.slice), along_(still.axis == 2 ? in.slice : in.row) {
         Kernel::weights(0, weight_along_);
     }
+    SmoothSlices(SmoothSlices const&) = delete;
+    SmoothSlices& operator=(SmoothSlices const&) = delete;
 
     /// The slices of the output whose samples look at nothing beyond the volume along the axis.
-    XRange whole_slices() const {
-        return {side - still_.shift, std::max(side - still_.shift, rule_.dims[still_.axis] - side - still_.shift)};
+    static XRange whole_slices(AffineSampling const& rule, StillAxis still) {
+        return {side - still.shift, std::max(side - still.shift, rule.dims[still.axis] - side - still.shift)};
     }
     /// Computes what looks at nothing beyond the volume in a tile of `together` slices; values() has it then. False if
     /// the tile's part of the volume is too much for the caches.
     template <class T> bool sample(Box const& tile, Interleaved<T, slices>& voxels) {
         std::int64_t const slice = tile.lower[still_.axis], rows = tile.dims()[plane_];
-        values_.resize(static_cast<std::size_t>(together * together * strip));
         if (!voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_])) return false;
         std::int64_t const first = slice + still_.shift - side - in_.box.lower[still_.axis];
         voxels.fill(reinterpret_cast<T const*>(in_.data) + first * along_, in_.box.dims().x, across_, along_);
@@ -57,7 +59,7 @@ public:
     double const* values(Box const& tile, std::int64_t y, std::int64_t z) const {
         std::int64_t const row = still_.axis == 2 ? y - tile.lower.y : z - tile.lower.z;
         std::int64_t const slice = still_.axis == 2 ? z - tile.lower.z : y - tile.lower.y;
-        return values_.data() + (row * together + slice) * strip;
+        return values_ + (row * together + slice) * strip;
     }
 
 private:
@@ -78,7 +80,7 @@ private:
                        reach_of(Kernel::kind));
     }
     double& value(std::int64_t row, std::int64_t slice, std::int64_t x) {
-        return values_[static_cast<std::size_t>((row * together + slice) * strip + x)];
+        return values_[(row * together + slice) * strip + x];
     }
 
     /// to[i] += w times what slice i, of those beside each other in `from`, and its neighbours come to along the axis.
@@ -137,7 +139,8 @@ private:
     int plane_; ///< the axis of the plane beside x
     std::int64_t across_, along_;
     double weight_along_[N];
-    std::vector<double> values_;
+    Buffer memory_{static_cast<std::size_t>(together * together * strip) * sizeof(double)};
+    double* values_ = reinterpret_cast<double*>(memory_.write(Space::host)); ///< by row, slice, x
 };
 
 } // namespace vkt::VKT_BACKEND
