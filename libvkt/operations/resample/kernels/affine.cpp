@@ -206,38 +206,52 @@ void join_mean(double const* sample, double* to, std::int64_t n, std::int64_t co
     for (std::int64_t i = 0; i < n; ++i) to[i] = between(to[i], sample[i], share);
 }
 
+/// A row of results for x in `all`, of which samples(to) gives those in `in_it`; background beside them.
+template <class Samples>
+void make_row(AnyView out, AffineSampling const& rule, XRange all, XRange in_it, std::int64_t y, std::int64_t z,
+              Tally& tally, Samples const& samples) {
+    alignas(64) double values[affine_tile.x];
+    std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
+    double* const there = values + (m > 0 ? in_it.begin - all.begin : 0);
+    if (m < n) std::fill_n(values, n, rule.background);
+    tally.outside += n - m;
+    if (m > 0) samples(there);
+    if (rule.scale != 1 || rule.offset != 0)
+        for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+    tally.losses += store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
+}
+
+/// A tile of the result, row by row.
 template <class Kernel, class Strip>
-void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
-                Execution const& execution) {
+void sample_tile(ConstView const& in, AnyView out, Box const& tile, AffineSampling const& rule, Tally& tally) {
     Index3 const k = rule.samples;
     auto const aside = [](std::int64_t i, std::int64_t n) {
         return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
     };
-    for_each_tile(execution, out.box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally) {
-        alignas(64) double values[affine_tile.x], sample[affine_tile.x];
-        for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
-            XRange const all{tile.lower.x, tile.upper.x};
-            XRange const in_it = inside(all, row_of(rule.map, {}, y, z), rule);
-            std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
-            double* const there = values + (m > 0 ? in_it.begin - all.begin : 0);
-            if (m < n) std::fill_n(values, n, rule.background);
-            tally.outside += n - m;
-            std::int64_t count = 0;
-            for (std::int64_t sub = 0; m > 0 && sub < k.x * k.y * k.z; ++sub) {
+    for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
+        XRange const all{tile.lower.x, tile.upper.x};
+        XRange const in_it = inside(all, row_of(rule.map, {}, y, z), rule);
+        make_row(out, rule, all, in_it, y, z, tally, [&](double* there) {
+            alignas(64) double sample[affine_tile.x];
+            for (std::int64_t sub = 0; sub < k.x * k.y * k.z; ++sub) {
                 Vec3 const shift = rule.map.column[0] * aside(sub % k.x, k.x) +
                                    rule.map.column[1] * aside(sub / k.x % k.y, k.y) +
                                    rule.map.column[2] * aside(sub / k.x / k.y, k.z);
                 PositionRow const at = row_of(rule.map, shift, y, z);
                 auto const run = [&](XRange quick, double* to) { sample_run<Strip>(in, Places(in, at), quick, to); };
-                sample_row<Kernel, Strip>(in, at, in_it, interior(in_it, at, rule), rule, ++count == 1 ? there : sample,
+                sample_row<Kernel, Strip>(in, at, in_it, interior(in_it, at, rule), rule, sub == 0 ? there : sample,
                                           run);
-                if (count > 1) join_mean(sample, there, m, count);
+                if (sub > 0) join_mean(sample, there, in_it.end - in_it.begin, sub + 1);
             }
-            if (rule.scale != 1 || rule.offset != 0)
-                for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
-            tally.losses += store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
         });
     });
+}
+
+template <class Kernel, class Strip>
+void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+                Execution const& execution) {
+    for_each_tile(execution, out.box, affine_tile, losses, outside,
+                  [&](Box const& tile, Tally& tally) { sample_tile<Kernel, Strip>(in, out, tile, rule, tally); });
 }
 
 /// The same where slices share their places: `box` has only such. Tiles that are cut, or look at too much, are sampled
@@ -256,29 +270,18 @@ void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampl
                 execution, box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally, Scratch& scratch) {
                     if (!scratch.smooth) scratch.smooth.emplace(in, rule, still);
                     Smooth& smooth = *scratch.smooth;
-                    Execution one = execution;
-                    one.threads = 1;
                     if (tile.dims()[still.axis] < Smooth::together || !smooth.sample(tile, scratch.voxels))
-                        return sample_box<Kernel, Strip>(in, part_of(out, tile), rule, tally.losses, tally.outside,
-                                                         one);
-                    alignas(64) double values[affine_tile.x];
+                        return sample_tile<Kernel, Strip>(in, out, tile, rule, tally);
                     for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
                         PositionRow const at = row_of(rule.map, {}, y, z);
                         RowRanges const ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
-                        XRange const all = ranges.all, in_it = ranges.inside;
-                        std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
-                        double* const there = values + (m > 0 ? in_it.begin - all.begin : 0);
-                        if (m < n) std::fill_n(values, n, rule.background);
-                        tally.outside += n - m;
                         double const* const known = smooth.values(tile, y, z);
                         auto const run = [&](XRange part, double* to) {
-                            std::copy_n(known + (part.begin - all.begin), part.end - part.begin, to);
+                            std::copy_n(known + (part.begin - tile.lower.x), part.end - part.begin, to);
                         };
-                        if (m > 0) sample_row<Kernel, Strip>(in, at, in_it, ranges.interior, rule, there, run);
-                        if (rule.scale != 1 || rule.offset != 0)
-                            for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
-                        tally.losses +=
-                            store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
+                        make_row(out, rule, ranges.all, ranges.inside, y, z, tally, [&](double* there) {
+                            sample_row<Kernel, Strip>(in, at, ranges.inside, ranges.interior, rule, there, run);
+                        });
                     });
                 });
         }

@@ -166,7 +166,7 @@ inline void sample_box_single(ConstView const& in, AnyView out, AffineSampling c
 class SlicesTogether {
 public:
     SlicesTogether(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still)
-        : in_(in), out_(out), rule_(rule), still_(still), plane_(still.axis == 2 ? 1 : 2),
+        : in_(in), out_(out), rule_(rule), still_(still), planes_(rule.map, in.box, still.axis),
           across_(still.axis == 2 ? in.row : in.slice), along_(still.axis == 2 ? in.slice : in.row),
           stream_(driver::is_large(out)) {}
 
@@ -190,43 +190,30 @@ private:
             return static_cast<std::int32_t>(ranges[row].interior.end - ranges[row].interior.begin);
         }
     };
-    float const* fractions(SinglePlaces const& places) const { return plane_ == 1 ? places.fy : places.fz; }
-    PositionRow positions(std::int64_t row, std::int64_t slice) const {
-        return plane_ == 1 ? row_of(rule_.map, {}, row, slice) : row_of(rule_.map, {}, slice, row);
-    }
+    float const* fractions(SinglePlaces const& places) const { return planes_.plane == 1 ? places.fy : places.fz; }
 
     template <class T> void sample(Box const& tile, Tally& tally, Interleaved<T, slices_at_once>& voxels) const {
         Shared shared;
         std::int64_t const first = tile.lower[still_.axis];
-        for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
-            PositionRow const at = positions(tile.lower[plane_] + row, first);
+        for (std::int64_t row = 0; row < tile.dims()[planes_.plane]; ++row) {
+            PositionRow const at = planes_.positions(tile.lower[planes_.plane] + row, first);
             shared.ranges[row] = ranges_of({tile.lower.x, tile.upper.x}, at, rule_, still_.axis);
             shared.places[row].find(Places(in_, at), static_cast<double>(shared.ranges[row].interior.begin),
                                     shared.count(row));
         }
         if (tile.dims()[still_.axis] == slices_at_once &&
-            voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_]))
+            voxels.prepare(planes_.outline(tile, reach_of(Interpolant::linear)), in_.box.dims().x,
+                           in_.box.dims()[planes_.plane]))
             return sample_interleaved(tile, shared, voxels, tally);
         sample_gathered<T>(tile, shared, tally);
-    }
-    Outline outline(Box const& tile) const {
-        auto const corner = [&](std::int64_t x, std::int64_t row) {
-            PositionRow const at = positions(row, tile.lower[still_.axis]);
-            return PlanePosition{at.x(static_cast<double>(x)) - static_cast<double>(in_.box.lower.x),
-                                 at.line(plane_)(static_cast<double>(x)) - static_cast<double>(in_.box.lower[plane_])};
-        };
-        std::int64_t const x = tile.upper.x - 1, row = tile.upper[plane_] - 1;
-        return Outline({corner(tile.lower.x, tile.lower[plane_]), corner(x, tile.lower[plane_]), corner(x, row),
-                        corner(tile.lower.x, row)},
-                       reach_of(Interpolant::linear));
     }
     /// run(to) gives what looks at nothing beyond the volume.
     template <class Run>
     void sample_row(Box const& tile, Shared const& shared, std::int64_t row, std::int64_t slice, Run const& run,
                     Tally& tally) const {
-        std::int64_t const y = tile.lower[plane_] + row, z = tile.lower[still_.axis] + slice;
-        sample_row_single(in_, out_, rule_, shared.ranges[row], plane_ == 1 ? y : z, plane_ == 1 ? z : y, stream_, run,
-                          tally);
+        std::int64_t const y = tile.lower[planes_.plane] + row, z = tile.lower[still_.axis] + slice;
+        sample_row_single(in_, out_, rule_, shared.ranges[row], planes_.plane == 1 ? y : z, planes_.plane == 1 ? z : y,
+                          stream_, run, tally);
     }
 
     template <class T>
@@ -235,7 +222,7 @@ private:
         std::int64_t const first = tile.lower[still_.axis] + still_.shift - in_.box.lower[still_.axis];
         voxels.fill(reinterpret_cast<T const*>(in_.data) + first * along_, in_.box.dims().x, across_, along_);
         alignas(64) float samples[strip * slices_at_once] = {}, by_slice[slices_at_once * strip];
-        for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
+        for (std::int64_t row = 0; row < tile.dims()[planes_.plane]; ++row) {
             SinglePlaces const& at = shared.places[row];
             std::int32_t const n = shared.count(row);
             float const* const f = fractions(at);
@@ -259,7 +246,7 @@ private:
         std::int64_t const slices = tile.dims()[still_.axis];
         for (std::int64_t slice = 0; slice < slices; ++slice) {
             T const* const data = reinterpret_cast<T const*>(in_.data) + slice * along_;
-            for (std::int64_t row = 0; row < tile.dims()[plane_]; ++row) {
+            for (std::int64_t row = 0; row < tile.dims()[planes_.plane]; ++row) {
                 auto const run = [&](float* to) {
                     SinglePlaces const& at = shared.places[row];
                     std::int32_t const n = shared.count(row);
@@ -277,7 +264,7 @@ private:
     AnyView out_;
     AffineSampling const& rule_;
     StillAxis still_;
-    int plane_; ///< the axis of the plane beside x
+    SharedPlanes planes_;
     std::int64_t across_, along_;
     bool stream_;
 };

@@ -68,6 +68,33 @@ private:
     double per_row_[4]; ///< share of the edge that a row takes, 0 for an edge along a row
 };
 
+/// The planes of a volume beside an axis that stays, whose positions slices of the output share.
+struct SharedPlanes {
+    Affine const& map;
+    Box box;   ///< of the volume
+    int still; ///< the axis that stays, y or z
+    int plane; ///< the axis of the planes beside x
+
+    SharedPlanes(Affine const& of, Box const& volume, int axis)
+        : map(of), box(volume), still(axis), plane(axis == 2 ? 1 : 2) {}
+
+    PositionRow positions(std::int64_t row, std::int64_t slice) const {
+        return plane == 1 ? row_of(map, {}, row, slice) : row_of(map, {}, slice, row);
+    }
+    /// Of the samples of a tile of the output.
+    Outline outline(Box const& tile, Reach reach) const {
+        auto const corner = [&](std::int64_t x, std::int64_t row) {
+            PositionRow const at = positions(row, tile.lower[still]);
+            return PlanePosition{at.x(static_cast<double>(x)) - static_cast<double>(box.lower.x),
+                                 at.line(plane)(static_cast<double>(x)) - static_cast<double>(box.lower[plane])};
+        };
+        std::int64_t const x = tile.upper.x - 1, row = tile.upper[plane] - 1;
+        return Outline({corner(tile.lower.x, tile.lower[plane]), corner(x, tile.lower[plane]), corner(x, row),
+                        corner(tile.lower.x, row)},
+                       reach);
+    }
+};
+
 /// The part of so many slices that an outline covers. Coordinates are voxels of a view from its first.
 template <class T, std::int64_t slices> class Interleaved {
 public:

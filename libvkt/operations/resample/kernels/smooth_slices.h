@@ -20,7 +20,7 @@ public:
     template <class T> static constexpr bool takes = side == 0 ? sizeof(T) <= 4 : std::is_floating_point_v<T>;
 
     SmoothSlices(ConstView const& in, AffineSampling const& rule, StillAxis still)
-        : in_(in), rule_(rule), still_(still), plane_(still.axis == 2 ? 1 : 2),
+        : in_(in), rule_(rule), still_(still), planes_(rule.map, in.box, still.axis),
           across_(still.axis == 2 ? in.row : in.slice), along_(still.axis == 2 ? in.slice : in.row) {
         Kernel::weights(0, weight_along_);
     }
@@ -34,14 +34,16 @@ public:
     /// Computes what looks at nothing beyond the volume in a tile of `together` slices; values() has it then. False if
     /// the tile's part of the volume is too much for the caches.
     template <class T> bool sample(Box const& tile, Interleaved<T, slices>& voxels) {
-        std::int64_t const slice = tile.lower[still_.axis], rows = tile.dims()[plane_];
-        if (!voxels.prepare(outline(tile), in_.box.dims().x, in_.box.dims()[plane_])) return false;
+        std::int64_t const slice = tile.lower[still_.axis], rows = tile.dims()[planes_.plane];
+        if (!voxels.prepare(planes_.outline(tile, reach_of(Kernel::kind)), in_.box.dims().x,
+                            in_.box.dims()[planes_.plane]))
+            return false;
         std::int64_t const first = slice + still_.shift - side - in_.box.lower[still_.axis];
         voxels.fill(reinterpret_cast<T const*>(in_.data) + first * along_, in_.box.dims().x, across_, along_);
         for (std::int64_t row = 0; row < rows; ++row) {
-            PositionRow const at = positions(tile.lower[plane_] + row, slice);
+            PositionRow const at = planes_.positions(tile.lower[planes_.plane] + row, slice);
             XRange const quick = ranges_of({tile.lower.x, tile.upper.x}, at, rule_, still_.axis).interior;
-            PositionLine const& line = at.line(plane_);
+            PositionLine const& line = at.line(planes_.plane);
             for (std::int64_t x = quick.begin; x < quick.end; ++x) {
                 double fx, frow, wx[N], wrow[N];
                 auto const column = static_cast<std::int64_t>(at.x.floor(static_cast<double>(x), fx));
@@ -49,7 +51,7 @@ public:
                 Kernel::weights(fx, wx);
                 Kernel::weights(frow, wrow);
                 double sample[together];
-                sum(voxels, column - in_.box.lower.x, in_row - in_.box.lower[plane_], wx, wrow, sample);
+                sum(voxels, column - in_.box.lower.x, in_row - in_.box.lower[planes_.plane], wx, wrow, sample);
                 for (std::int64_t i = 0; i < together; ++i) value(row, i, x - tile.lower.x) = sample[i];
             }
         }
@@ -65,20 +67,6 @@ public:
 private:
     static constexpr int before = N / 2 - 1;
 
-    PositionRow positions(std::int64_t row, std::int64_t slice) const {
-        return plane_ == 1 ? row_of(rule_.map, {}, row, slice) : row_of(rule_.map, {}, slice, row);
-    }
-    Outline outline(Box const& tile) const {
-        auto const corner = [&](std::int64_t x, std::int64_t row) {
-            PositionRow const at = positions(row, tile.lower[still_.axis]);
-            return PlanePosition{at.x(static_cast<double>(x)) - static_cast<double>(in_.box.lower.x),
-                                 at.line(plane_)(static_cast<double>(x)) - static_cast<double>(in_.box.lower[plane_])};
-        };
-        std::int64_t const x = tile.upper.x - 1, row = tile.upper[plane_] - 1;
-        return Outline({corner(tile.lower.x, tile.lower[plane_]), corner(x, tile.lower[plane_]), corner(x, row),
-                        corner(tile.lower.x, row)},
-                       reach_of(Kernel::kind));
-    }
     double& value(std::int64_t row, std::int64_t slice, std::int64_t x) {
         return values_[(row * together + slice) * strip + x];
     }
@@ -106,7 +94,7 @@ private:
             double const w = wrow[j];
             if (w == 0) continue;
             T const* const from = voxels.at(x, row - before + j);
-            if (side > 0 && plane_ == 2) {
+            if (side > 0 && planes_.plane == 2) {
                 add_along(from, w, to);
                 continue;
             }
@@ -114,7 +102,7 @@ private:
             for (std::int64_t i = 0; i < slices; ++i) rows[i] += w * static_cast<double>(from[i]);
         }
         if (side == 0) std::copy_n(rows, together, to);
-        if (side > 0 && plane_ == 1) add_along(rows, 1, to);
+        if (side > 0 && planes_.plane == 1) add_along(rows, 1, to);
     }
     template <class T>
     void sum(Interleaved<T, slices> const& voxels, std::int64_t x, std::int64_t row, double const (&wx)[N],
@@ -136,7 +124,7 @@ private:
     ConstView in_;
     AffineSampling const& rule_;
     StillAxis still_;
-    int plane_; ///< the axis of the plane beside x
+    SharedPlanes planes_;
     std::int64_t across_, along_;
     double weight_along_[N];
     Buffer memory_{static_cast<std::size_t>(together * together * strip) * sizeof(double)};
