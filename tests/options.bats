@@ -318,8 +318,10 @@ END
     vkt label s.nrrd --report file.json -o a.nrrd
     vkt label s.nrrd --report - -o b.nrrd >printed.json
     mkfifo pipe
-    (cat pipe >piped.json &)
+    cat pipe >piped.json &
+    reader=$!
     vkt label s.nrrd --report pipe | cat >c.vkt
+    wait $reader
     for got in printed piped; do cmp file.json $got.json; done
     [ "$(grep -c components file.json)" -eq 2 ]
 }
