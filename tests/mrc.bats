@@ -145,16 +145,31 @@ END
     fails_with 3 "'short.mrc'" vkt stats short.mrc
 }
 
+@test "complex numbers and colours are a volume a component, in either byte order" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = np.random.default_rng(7)
+for order in "<>":
+    for mode, code, n in ((3, "i2", 2), (4, "f4", 2), (16, "u1", 3)):
+        v = (rng.normal(size=(3, 4, 5, n)) * 50).astype(code)
+        open("a.mrc", "wb").write(header(order, mode=mode) + v.astype(order + code).tobytes())
+        infos = info("a.mrc")
+        assert [i["attributes"]["channel"] for i in infos] == [str(c) for c in range(n)], infos
+        assert all(i["dims"] == [5, 4, 3] and i["dtype"] == v.dtype.name for i in infos), infos
+        assert run("vkt read a.mrc | vkt write - --format raw") == np.moveaxis(v, 3, 0).tobytes(), (order, mode)
+END
+}
+
 @test "damaged files, and modes that are no volumes, are refused" {
     /usr/bin/python3 - <<'END'
 from common import *
 v = np.arange(60, dtype="f4").tobytes()
-for name, h in {"complex": header(mode=4), "unknown": header(mode=55), "huge": header(n=(2**31 - 1,) * 3), "negative": header(n=(-5, 4, 3)),
+for name, h in {"complex": header(mode=4, n=(6, 4, 3)), "unknown": header(mode=55), "huge": header(n=(2**31 - 1,) * 3), "negative": header(n=(-5, 4, 3)),
                 "extended": header(extended=-1), "far": header(extended=2**30 + 1)}.items(): open(name + ".mrc", "wb").write(h + v)
 open("short.mrc", "wb").write(header() + v[:-1])
 open("head.mrc", "wb").write(header()[:500])
 END
-    fails_with 3 'complex numbers' vkt info complex.mrc
+    fails_with 3 '576 bytes expected, 240 found' vkt info complex.mrc
     fails_with 3 'unknown' vkt info unknown.mrc
     fails_with 3 'exceed 2^62 bytes' vkt stats huge.mrc
     for name in negative extended far short head; do fails_with 3 "'$name.mrc'" vkt stats $name.mrc; done

@@ -29,6 +29,13 @@ for shape in ((7,), (7, 4), (2, 3, 4, 5)):
     data = rng.normal(size=shape).astype("<f4")
     vkt("c.npy", data, False)
     if len(shape) > 1: vkt("f.npy", numpy.asfortranarray(data), True)
+for code in ("c8", "c16"):  # real and imaginary parts are volumes
+    for order in "<>":
+        for fortran in (False, True):
+            data = (rng.normal(size=(4, 3, 5)) + 1j * rng.normal(size=(4, 3, 5))).astype(order + code)
+            numpy.save("c.npy", numpy.asfortranarray(data) if fortran else data)
+            stored = subprocess.check_output(["vkt", "write", "c.npy", "-", "--format", "raw"])
+            assert stored == b"".join(part.astype("f" + str(data.itemsize // 2)).tobytes("F" if fortran else "C") for part in (data.real, data.imag)), (code, order)
 numpy.lib.format.write_array(open("v3.npy", "wb"), numpy.arange(24, dtype="<u2").reshape(2, 3, 4), (3, 0))
 assert json.loads(subprocess.check_output(["vkt", "info", "v3.npy", "--json"]))["dims"] == [4, 3, 2]
 END
@@ -60,7 +67,7 @@ END
 @test "arrays that are no volumes, and damaged ones, are refused" {
     /usr/bin/python3 - <<'END'
 import numpy
-numpy.save("complex.npy", numpy.zeros((2, 3, 4), "c8"))
+numpy.save("complex.npy", numpy.zeros((2, 3, 4), "c32"))
 numpy.save("structure.npy", numpy.zeros((2, 3), [("a", "f4"), ("b", "i2")]))
 numpy.save("text.npy", numpy.zeros((2, 3), "U5"))
 numpy.save("object.npy", numpy.array([[None]]), allow_pickle=True)
@@ -86,7 +93,7 @@ END
     # A batch of one is no dimension.
     /usr/bin/python3 -c 'import numpy; numpy.save("batch.npy", numpy.arange(48.0).reshape(1, 2, 3, 2, 4))'
     [ "$(vkt info batch.npy --json | tr -d ' \n' | grep -o '"dims":\[4,2,3\]' | wc -l)" -eq 2 ]
-    fails_with 3 "elements of type '<c8', which volumes do not have" vkt info complex.npy
+    fails_with 3 "elements of type '<c32', which volumes do not have" vkt info complex.npy
 }
 
 @test "NRRD and MetaImage compressed as a whole" {

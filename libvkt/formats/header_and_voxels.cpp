@@ -24,6 +24,11 @@ std::optional<double> number_of(Header const& header, char const* attribute) {
 /// Along the axis that enumerates volumes.
 std::optional<double> position_of(Header const& header) { return number_of(header, "sequence position"); }
 
+bool other_channel(Header const& header, Header const& first) {
+    auto const a = header.attributes.find("channel"), b = first.attributes.find("channel");
+    return a != header.attributes.end() && (b == first.attributes.end() || a->second != b->second);
+}
+
 } // namespace
 
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
@@ -75,7 +80,8 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
         throw Error(ErrorKind::usage,
                     text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
                     "write one file each: " + each);
-    if (std::optional<double> const at = position_of(header), first = position_of(first_); at && first) {
+    std::optional<double> const at = position_of(header), first = position_of(first_);
+    if (at && first && !other_channel(header, first_)) {
         auto const step = number_of(first_, "sequence step");
         if (step && std::abs(*first + *step * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step))
             throw Error(ErrorKind::usage,
@@ -102,6 +108,7 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
         // There is one line for all, in a header of a length that is fixed.
         if (!(header.error == first_.error))
             first_.error = first_.history ? VolumeError{} : VolumeError::lost("series");
+        keep_common(in_utf8(header));
         return;
     }
     first_ = in_utf8(header);
@@ -116,8 +123,27 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
     if (options_.compress) deflate_.emplace(*data_file_, format_.wrapper, options_);
 }
 
+/// Attributes are those of all volumes, besides where the first of them lies along the series, which channels of
+/// several series have in common.
+void HeaderAndVoxelsWriter::keep_common(Header const& header) {
+    bool const channels = other_channel(header, first_);
+    std::erase_if(first_.attributes, [&](auto const& attribute) {
+        auto const& [name, value] = attribute;
+        auto const other = header.attributes.find(name);
+        bool const along = name == "sequence position" && !channels;
+        bool const same = along || (!(channels && name == "sequence step") && other != header.attributes.end() &&
+                                    other->second == value);
+        // The number of a channel is its place.
+        if (!same && !(name == "channel" && value == "0")) differing_.push_back(name);
+        return !same;
+    });
+}
+
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    if (!differing_.empty() && options_.notice)
+        options_.notice(text("one ", format_.name, " file does not hold attributes that differ between its volumes (",
+                             join(differing_, ", "), "): not kept"));
     if (whole_ && volumes_ > 1) deflate_->restore(header_text(header_length_));
     if (deflate_) deflate_->finish();
     if (whole_) return data_file_->commit();

@@ -51,6 +51,7 @@ protected:
 
 private:
     void check_volume(Header const& header) const;
+    void keep_common(Header const& header);
     std::string header_text(std::size_t length) const;
 
     HeaderFormat format_;
@@ -61,6 +62,7 @@ private:
     std::optional<DeflateWriter> deflate_;
     Header first_;
     std::int64_t volumes_ = 0;
+    std::vector<std::string> differing_; ///< attributes that not all volumes have alike
     std::size_t header_length_ = 0;
 };
 

@@ -156,10 +156,9 @@ void Interpreter::read_dims(RawLayout& layout) {
     for (std::size_t i = 0; i < std::min<std::size_t>(dimension_, 3); ++i)
         layout.header.dims[static_cast<int>(i)] = sizes_[i];
     if (dimension_ == 4) layout.volumes = sizes_[3];
-    if (std::string const* const channels = find({"ElementNumberOfChannels"});
-        channels && integer(*channels, "ElementNumberOfChannels") != 1)
-        fail(text("each voxel has ", *channels, " channels; a volume has one"),
-             "take one with ITK, or: unu slice -a 0 -p 0");
+    if (std::string const* const channels = find({"ElementNumberOfChannels"}))
+        layout.components.count = integer(*channels, "ElementNumberOfChannels");
+    if (layout.components.count < 1) fail(text("ElementNumberOfChannels = ", layout.components.count));
 }
 
 DataType Interpreter::type() const {

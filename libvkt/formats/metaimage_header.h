@@ -22,8 +22,8 @@ struct MetaImageHeader {
 MetaImageHeader read_metaimage_header(ByteSource& bytes);
 
 /// Dims, type, geometry and place of the voxels; a fourth dimension becomes a sequence of volumes. As in ITK the rows
-/// of the matrix need not have unit length: their lengths are factors of the spacing. Throws Error{data}, also for
-/// several channels, with a hint what to do, and for files elsewhere, unless the header is trusted.
+/// of the matrix need not have unit length: their lengths are factors of the spacing. Several channels are a volume
+/// each. Throws Error{data}, also for files elsewhere, unless the header is trusted.
 RawLayout metaimage_layout(MetaImageHeader const& header, bool trust_paths);
 
 /// MetaImage's name of a type; empty if it has none.

@@ -32,10 +32,12 @@ constexpr std::int64_t volume_stack = 401; ///< of space groups
 struct Mode {
     std::int64_t code;
     DataType type;
+    std::int64_t components = 1; ///< real and imaginary parts, or red, green and blue
 };
 constexpr std::int64_t packed_mode = 101; ///< two voxels of four bits in a byte, which rows begin anew
-constexpr Mode modes[] = {
-    {0, DataType::int8}, {1, DataType::int16}, {2, DataType::float32}, {6, DataType::uint16}, {12, DataType::float16}};
+constexpr Mode modes[] = {{0, DataType::int8},     {1, DataType::int16},      {2, DataType::float32},
+                          {3, DataType::int16, 2}, {4, DataType::float32, 2}, {6, DataType::uint16},
+                          {12, DataType::float16}, {16, DataType::uint8, 3}};
 
 /// Words of four bytes by their number in the description, from 1.
 class Words {
@@ -121,18 +123,15 @@ void place(Header& header, Words const& w) {
     header.attributes["space units"] = "\"angstrom\" \"angstrom\" \"angstrom\"";
 }
 
-DataType type_of(Words const& w, std::string const& name) {
-    std::int64_t const mode = w.integer(4);
+Mode mode_of(Words const& w, std::string const& name) {
+    std::int64_t const code = w.integer(4);
     // IMOD's bytes are unsigned unless its flags say otherwise.
-    if (mode == 0 && w.integer(39) == 1146047817 && (w.integer(40) & 1) == 0) return DataType::uint8;
-    if (mode == packed_mode) return DataType::uint8;
+    if (code == 0 && w.integer(39) == 1146047817 && (w.integer(40) & 1) == 0) return {code, DataType::uint8};
+    if (code == packed_mode) return {code, DataType::uint8};
     for (Mode const& m : modes)
-        if (m.code == mode) return m.type;
-    bool const complex = mode == 3 || mode == 4;
+        if (m.code == code) return m;
     throw Error(ErrorKind::data,
-                text("'", name, "': mode ", mode, complex ? " are complex numbers" : " is unknown",
-                     "; modes 0, 1, 2, 6, 12 and 101 are read"),
-                complex ? "mrcfile and IMOD convert them" : "");
+                text("'", name, "': mode ", code, " is unknown; modes 0 to 4, 6, 12, 16 and 101 are read"));
 }
 
 std::string bytes_of(Header const& header, std::int64_t volumes);
@@ -182,7 +181,9 @@ RawLayout read_mrc_header(ByteSource& bytes) {
     if (!w) throw Error(ErrorKind::data, text("'", name, "' does not begin with the header of an MRC or CCP4 map"));
     RawLayout layout;
     layout.big_endian = w->big_endian();
-    layout.header.dtype = type_of(*w, name);
+    Mode const mode = mode_of(*w, name);
+    layout.header.dtype = mode.type;
+    layout.components.count = mode.components;
     layout.header.dims = {w->integer(1), w->integer(2), w->integer(3)};
     std::int64_t const group = w->integer(23), depth = w->integer(10);
     if (group >= volume_stack && group <= 630 && depth > 0 && layout.header.dims.z % depth == 0) {
@@ -264,7 +265,8 @@ std::optional<std::array<int, 3>> axis_order(Geometry const& g) {
 }
 
 std::string mrc_type_name(DataType type) {
-    bool const known = std::any_of(std::begin(modes), std::end(modes), [&](Mode const& m) { return m.type == type; });
+    bool const known = std::any_of(std::begin(modes), std::end(modes),
+                                   [&](Mode const& m) { return m.type == type && m.components == 1; });
     return known ? std::string(name_of(type)) : std::string();
 }
 
@@ -297,7 +299,7 @@ std::string bytes_of(Header const& header, std::int64_t volumes) {
         real(50 + i, g.origin[own] * unit);
     }
     for (Mode const& m : modes)
-        if (m.type == header.dtype) integer(4, m.code);
+        if (m.type == header.dtype && m.components == 1) integer(4, m.code);
     // Nobody has looked at the voxels: what the description has for statistics that are not known.
     real(20, 0), real(21, -1), real(22, -2), real(55, -1);
     integer(23, volumes > 1 ? volume_stack : header.dims.z > 1 ? 1 : 0);

@@ -35,15 +35,26 @@ constexpr TypeCode type_codes[] = {
     {16, DataType::float32}, {64, DataType::float64},
 };
 
+/// Several numbers in each voxel: colours (RGB, RGBA) and complex numbers.
+struct CompoundType {
+    std::int64_t code;
+    DataType type;
+    std::int64_t count;
+};
+
+constexpr CompoundType colours = {128, DataType::uint8, 3}, colours_and_opacity = {2304, DataType::uint8, 4};
+constexpr CompoundType compound_types[] = {
+    colours, colours_and_opacity, {32, DataType::float32, 2}, {1792, DataType::float64, 2}};
+
 struct ForeignType {
     std::int64_t code;
     char const* what;
 };
 
-constexpr ForeignType foreign_types[] = {
-    {1, "single bits"},        {32, "complex numbers"},   {128, "colours (RGB)"},   {1536, "float128"},
-    {1792, "complex numbers"}, {2048, "complex numbers"}, {2304, "colours (RGBA)"},
-};
+constexpr ForeignType foreign_types[] = {{1, "single bits"}, {1536, "float128"}, {2048, "complex numbers of float128"}};
+
+/// Intents of volumes that are the components of vectors, along a fifth axis.
+constexpr std::int64_t displacement_intent = 1006, vector_intent = 1007;
 
 struct UnitCode {
     std::int64_t code;
@@ -171,7 +182,7 @@ private:
         throw Error(ErrorKind::data, text("'", header_.name, "': ", what), hint);
     }
     void read_dims(RawLayout& layout) const;
-    DataType type() const;
+    void read_type(RawLayout& layout) const;
     void read_geometry(Header& volume) const;
     void read_values(Header& volume) const;
     void read_attributes(RawLayout& layout) const;
@@ -190,22 +201,27 @@ void Reader::read_dims(RawLayout& layout) const {
             fail(text("dim[", static_cast<std::int64_t>(i), "] = ", f_.dim[i], " is not between 1 and 2^40"));
         if (i <= 3)
             layout.header.dims[static_cast<int>(i) - 1] = f_.dim[i];
-        else if (i == 4)
-            layout.volumes = f_.dim[i];
-        else if (f_.dim[i] > 1)
-            fail(text("dimension ", static_cast<std::int64_t>(i), " has ", f_.dim[i],
-                      " samples; a file is one volume or a series of volumes"),
-                 "take one with nibabel: nibabel.save(image.slicer[..., 0], \"one.nii\")");
+        else if (__builtin_mul_overflow(layout.volumes, f_.dim[i], &layout.volumes) ||
+                 (i > 4 && __builtin_mul_overflow(layout.channels, f_.dim[i], &layout.channels)))
+            fail("claims more volumes than any file can have");
     }
 }
 
-DataType Reader::type() const {
+void Reader::read_type(RawLayout& layout) const {
     for (auto const& entry : type_codes)
-        if (entry.code == f_.datatype) return entry.type;
+        if (entry.code == f_.datatype) {
+            layout.header.dtype = entry.type;
+            return;
+        }
+    for (auto const& entry : compound_types)
+        if (entry.code == f_.datatype) {
+            layout.header.dtype = entry.type;
+            layout.components.count = entry.count;
+            return;
+        }
     for (auto const& entry : foreign_types)
         if (entry.code == f_.datatype)
-            fail(text("its voxels are ", entry.what, "; a volume has one number in each"),
-                 "take a part of them with nibabel");
+            fail(text("its voxels are ", entry.what, ", which are not read"), "take a part of them with nibabel");
     fail(text("data type ", f_.datatype, " is none of NIfTI's"));
 }
 
@@ -223,7 +239,8 @@ void Reader::read_geometry(Header& volume) const {
 }
 
 void Reader::read_values(Header& volume) const {
-    if (f_.scl_slope == 0 || !std::isfinite(f_.scl_slope)) return; // says that there is no map
+    if (f_.scl_slope == 0 || !std::isfinite(f_.scl_slope)) return;                      // says that there is no map
+    if (f_.datatype == colours.code || f_.datatype == colours_and_opacity.code) return; // to which none applies
     volume.values = {f_.scl_slope, f_.scl_inter};
     if (!std::isfinite(f_.scl_inter)) fail("scl_inter is not finite");
 }
@@ -241,7 +258,8 @@ void Reader::read_attributes(RawLayout& layout) const {
         return {};
     };
     if (std::string const u = unit(space_bits); !u.empty()) attributes["space units"] = text(u, " ", u, " ", u);
-    if (layout.volumes < 2) return;
+    if (f_.intent_code == vector_intent || f_.intent_code == displacement_intent) attributes[sequence_kind] = "vector";
+    if (layout.volumes / layout.channels < 2) return;
     if (double const step = f_.pixdim[4]; step != 0 && std::isfinite(step) && std::isfinite(f_.toffset))
         layout.sequence = SequenceAxis{f_.toffset, step};
     if (std::string const u = unit(time_bits); !u.empty()) {
@@ -297,7 +315,7 @@ void Reader::use_ours(RawLayout& layout) const {
 RawLayout Reader::layout() const {
     RawLayout layout;
     read_dims(layout);
-    layout.header.dtype = type();
+    read_type(layout);
     read_geometry(layout.header);
     read_values(layout.header);
     read_attributes(layout);
@@ -429,8 +447,12 @@ RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Rea
 
 NiftiFields nifti_fields(Header const& header, std::int64_t volumes) {
     NiftiFields f;
-    bool const series = volumes > 1;
+    double const intent = number_of(header, "intent_code").value_or(0);
+    bool const vectors = volumes > 1 && !number_of(header, "sequence step") &&
+                         (intent == vector_intent || intent == displacement_intent);
+    bool const series = volumes > 1 && !vectors;
     f.dim = {series ? 4 : 3, header.dims.x, header.dims.y, header.dims.z, volumes, 1, 1, 1};
+    if (vectors) f.dim = {5, header.dims.x, header.dims.y, header.dims.z, 1, volumes, 1, 1};
     for (auto const& entry : type_codes)
         if (entry.type == header.dtype) f.datatype = entry.code;
     f.bitpix = static_cast<std::int64_t>(8 * size_of(header.dtype));

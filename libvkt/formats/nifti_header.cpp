@@ -23,6 +23,7 @@ constexpr std::size_t size1 = 348, size2 = 540;
 constexpr std::int64_t most_extension = std::int64_t{16} << 20;
 constexpr int comment_code = 6; ///< of extensions that are text
 constexpr std::string_view extension_mark = "vkt header: ";
+constexpr std::size_t reserve = 32; ///< a multiple of 16
 
 /// Where each field lies in version 1 and in version 2, and how many bytes it has there.
 template <class Fields, class Visit> void visit(Fields& f, int version, Visit const& v) {
@@ -226,9 +227,14 @@ std::string nifti_bytes(HeaderText const& h) {
     NiftiFields fields = nifti_fields(h.first, h.volumes);
     Header kept = h.first;
     if (kept.history) kept.history = folded(*kept.history, most_history_steps, 400'000);
-    std::string const extension = padded(std::string(extension_mark) + to_json(kept));
-    std::size_t const size = bytes.size();
-    fields.vox_offset = h.data.empty() ? static_cast<std::int64_t>(size + 4 + 8 + extension.size()) : 0;
+    std::string extension = padded(std::string(extension_mark) + to_json(kept));
+    std::size_t const size = bytes.size(), before = size + 4 + 8;
+    // What volumes behind the first one change may need another word.
+    if (h.length == 0 && h.data.empty()) extension.resize(extension.size() + reserve, '\0');
+    if (h.length > 0 && before + extension.size() > h.length)
+        throw Error(ErrorKind::failure, "no room in the NIfTI header for a series");
+    if (h.length > 0) extension.resize(h.length - before, '\0');
+    fields.vox_offset = h.data.empty() ? static_cast<std::int64_t>(before + extension.size()) : 0;
     visit(fields, version, Encoder(bytes));
     put_bits(bytes, size, 0, 4);
     std::string_view const magic = version == 1 ? (h.data.empty() ? "n+1\0"sv : "ni1\0"sv)

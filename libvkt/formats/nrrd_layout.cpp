@@ -122,7 +122,9 @@ private:
     Vec3 space_vector(std::vector<double> const& v) const;
     void read_geometry(Header& volume) const;
     void read_origin(Header& volume) const;
-    void read_sequence(RawLayout& layout) const;
+    /// The axis that attributes of a series speak of.
+    std::optional<std::size_t> series_axis() const { return sequence_ ? sequence_ : components_; }
+    std::optional<SequenceAxis> along(std::size_t axis) const;
     std::optional<double> spacing_of(std::size_t axis) const;
     double first_sample(std::size_t axis, double spacing) const;
     void read_attributes(RawLayout& layout) const;
@@ -135,8 +137,9 @@ private:
     std::vector<std::int64_t> sizes_;
     std::vector<std::string> kinds_, centers_;
     std::vector<MaybeVector> directions_;
-    std::vector<std::size_t> chosen_;     ///< file axes that become x, y, z
-    std::optional<std::size_t> sequence_; ///< file axis that enumerates volumes
+    std::vector<std::size_t> chosen_;       ///< file axes that become x, y, z
+    std::optional<std::size_t> sequence_;   ///< file axis that enumerates volumes
+    std::optional<std::size_t> components_; ///< file axis of what stands side by side in a voxel
 };
 
 /// One word for each axis; empty if the field is absent.
@@ -259,13 +262,14 @@ void Interpreter::choose_axes(RawLayout& layout) {
     // Nor does a first of four, which older writers give to scalars.
     bool const unexplained = kinds_.empty() && directions_.empty();
     if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && unexplained) chosen_.erase(chosen_.begin());
-    for (std::size_t const axis : chosen_)
-        if (holds_samples(axis)) refuse_samples(axis);
-    // Where nothing else is said, spacings tell what is space.
-    if (chosen_.size() == 4 && unexplained && !spacing_of(chosen_[0]) && spacing_of(chosen_[3]))
-        refuse_samples(chosen_[0]);
+    // What stands side by side in a voxel. Where nothing else is said, spacings tell what is space.
+    bool const spaced_behind = chosen_.size() == 4 && unexplained && !spacing_of(chosen_[0]) && spacing_of(chosen_[3]);
+    if (chosen_.size() > 1 && ((!spatial(chosen_[0]) && sizes_[chosen_[0]] > 1) || spaced_behind)) {
+        components_ = chosen_.front();
+        chosen_.erase(chosen_.begin());
+    }
     // The fourth axis enumerates volumes. With fewer, a last axis that is a list or time is as good as z.
-    if (chosen_.size() == 4 && (spatial(chosen_[0]) || !spatial(chosen_[3]))) {
+    if (chosen_.size() == 4 || (chosen_.size() > 1 && holds_samples(chosen_.back()))) {
         sequence_ = chosen_.back();
         chosen_.pop_back();
     }
@@ -273,10 +277,11 @@ void Interpreter::choose_axes(RawLayout& layout) {
         if (!spatial(chosen_[i]) && sizes_[chosen_[i]] > 1 && !(i > 0 && i + 1 == chosen_.size() && !sequence_))
             refuse_samples(chosen_[i]);
     if (chosen_.size() > 3)
-        fail(text("it has ", static_cast<std::int64_t>(chosen_.size()), " axes; at most four make volumes"),
+        fail(text("it has ", std::ssize(sizes_), " axes; at most three, and two that enumerate volumes, are read"),
              "take a slice: unu slice -a AXIS -p POSITION");
     for (std::size_t i = 0; i < chosen_.size(); ++i) layout.header.dims[static_cast<int>(i)] = sizes_[chosen_[i]];
     if (sequence_) layout.volumes = sizes_[*sequence_];
+    if (components_) layout.components.count = sizes_[*components_];
 }
 
 DataType Interpreter::type() const {
@@ -393,26 +398,25 @@ void Interpreter::read_geometry(Header& volume) const {
     read_origin(volume);
 }
 
-/// Where along the fourth axis the volumes lie, if that is said: in a space of four dimensions, or by the axis'
-/// spacing.
-void Interpreter::read_sequence(RawLayout& layout) const {
-    if (!sequence_) return;
-    SequenceAxis along;
-    if (!directions_.empty() && directions_[*sequence_]) {
-        auto const& v = *directions_[*sequence_];
-        if (v.size() != 4) return;
+/// Where along that axis the volumes lie, if that is said: in a space of four dimensions, or by the axis' spacing.
+std::optional<SequenceAxis> Interpreter::along(std::size_t axis) const {
+    SequenceAxis result;
+    if (!directions_.empty() && directions_[axis]) {
+        auto const& v = *directions_[axis];
+        if (v.size() != 4) return std::nullopt;
         if (!(space_vector(v) == Vec3{}))
             fail("the space direction of the fourth axis moves the volume, which those of a series share");
-        along.step = v[3];
+        result.step = v[3];
         if (auto const origin = vectors("space origin"); origin.size() == 1 && origin[0] && origin[0]->size() == 4)
-            along.origin = (*origin[0])[3];
+            result.origin = (*origin[0])[3];
     } else {
-        auto const step = spacing_of(*sequence_);
-        if (!step) return;
-        along.step = *step;
-        along.origin = first_sample(*sequence_, along.step);
+        auto const step = spacing_of(axis);
+        if (!step) return std::nullopt;
+        result.step = *step;
+        result.origin = first_sample(axis, result.step);
     }
-    if (std::isfinite(along.step) && along.step != 0 && std::isfinite(along.origin)) layout.sequence = along;
+    bool const known = std::isfinite(result.step) && result.step != 0 && std::isfinite(result.origin);
+    return known ? std::optional(result) : std::nullopt;
 }
 
 void Interpreter::read_origin(Header& volume) const {
@@ -423,6 +427,7 @@ void Interpreter::read_origin(Header& volume) const {
 }
 
 void Interpreter::read_axis_attributes(std::map<std::string, std::string>& attributes) const {
+    std::optional<std::size_t> const series = series_axis();
     for (auto const& [name, nothing] : kept_axis_fields) {
         std::string const field = name;
         if (!header_.has(field)) continue;
@@ -437,10 +442,13 @@ void Interpreter::read_axis_attributes(std::map<std::string, std::string>& attri
         }
         kept.resize(3, nothing);
         if (!plain) attributes[field] = join(kept, " ");
-        if (sequence_ && field == "labels" && entries[*sequence_] != nothing)
-            attributes[sequence_label] = entries[*sequence_];
+        if (series && field == "labels" && entries[*series] != nothing) attributes[sequence_label] = entries[*series];
     }
-    if (sequence_ && !kinds_.empty() && kinds_[*sequence_] != "list") attributes[sequence_kind] = kinds_[*sequence_];
+    // Kinds of so many samples each ("3-color", "complex") would not hold for a part of the series.
+    constexpr std::array kept_kinds{"domain", "space", "time", "vector", "covariant-vector", "normal", "point"};
+    if (series && !kinds_.empty() &&
+        std::find(kept_kinds.begin(), kept_kinds.end(), kinds_[*series]) != kept_kinds.end())
+        attributes[sequence_kind] = kinds_[*series];
 }
 
 /// Of the space's axes, or of the file's: without space directions those are the same.
@@ -451,12 +459,13 @@ void Interpreter::read_space_units(std::map<std::string, std::string>& attribute
     std::vector<std::string> units = of_space;
     if (of_space.empty() && !of_axes.empty())
         for (std::size_t const axis : chosen_) units.push_back(of_axes[axis]);
-    std::string along = sequence_ && !of_axes.empty() ? of_axes[*sequence_] : nothing;
+    std::optional<std::size_t> const series = series_axis();
+    std::string along = series && !of_axes.empty() ? of_axes[*series] : nothing;
     if (of_space.size() == 4 && along == nothing) along = of_space[3];
     units.resize(3, nothing);
     if (std::any_of(units.begin(), units.end(), [&](auto const& u) { return u != nothing; }))
         attributes["space units"] = join(units, " ");
-    if (sequence_ && along != nothing) attributes[sequence_units] = along;
+    if (series && along != nothing) attributes[sequence_units] = along;
 }
 
 /// The columns of the measurement frame, of their first three components.
@@ -520,7 +529,9 @@ RawLayout Interpreter::layout() {
     read_encoding(layout);
     read_files(layout);
     read_geometry(layout.header);
-    read_sequence(layout);
+    if (sequence_ && holds_samples(*sequence_)) layout.channels = layout.volumes;
+    if (sequence_ && layout.channels == 1) layout.sequence = along(*sequence_);
+    if (components_) layout.components.along = along(*components_);
     read_attributes(layout);
     return layout;
 }

@@ -134,8 +134,14 @@ void Dictionary::parse() {
 
 void read_type(RawLayout& layout, std::string const& descr, std::string const& name) {
     char const order = descr.front();
+    // Complex numbers are their real and imaginary parts.
+    std::string word = descr.substr(1);
+    if (word == "c8" || word == "c16") {
+        layout.components.count = 2;
+        word = word == "c8" ? "f4" : "f8";
+    }
     for (auto const& entry : type_names)
-        if (descr.substr(1) == entry.name && (order == '<' || order == '>' || order == '|' || order == '=')) {
+        if (word == entry.name && (order == '<' || order == '>' || order == '|' || order == '=')) {
             layout.header.dtype = entry.type;
             layout.big_endian = order == '>';
             if (size_of(entry.type) > 1 && order == '|') break;

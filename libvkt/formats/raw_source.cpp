@@ -95,7 +95,8 @@ RawSource::RawSource(std::unique_ptr<ByteSource> bytes, RawLayout layout)
     : layout_(std::move(layout)), name_(bytes->name()), bytes_(std::move(bytes)) {
     check(layout_.header);
     if (layout_.sequence) layout_.header.attributes["sequence step"] = to_text(layout_.sequence->step);
-    if (layout_.volumes < 1 || layout_.line_skip < 0 || layout_.byte_skip < -1)
+    if (layout_.volumes < 1 || layout_.channels < 1 || layout_.volumes % layout_.channels != 0 ||
+        layout_.line_skip < 0 || layout_.byte_skip < -1)
         throw Error(ErrorKind::data, text("'", name_, "': a negative count in the header"));
     if (layout_.byte_skip == -1 && layout_.encoding != Encoding::raw && !skips_decoded())
         throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs binary data"));
@@ -218,9 +219,11 @@ bool RawSource::next_volume() {
         return false;
     }
     ++index_;
+    std::int64_t const each = layout_.volumes / layout_.channels;
     if (layout_.sequence)
         layout_.header.attributes["sequence position"] =
-            to_text(layout_.sequence->origin + static_cast<double>(index_) * layout_.sequence->step);
+            to_text(layout_.sequence->origin + static_cast<double>(index_ % each) * layout_.sequence->step);
+    if (layout_.channels > 1) layout_.header.attributes["channel"] = to_text(index_ / each);
     return true;
 }
 
@@ -362,7 +365,13 @@ std::string beside_name(std::string const& header_name, std::string const& file,
 
 std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout) {
     mark_as_given(layout.header);
-    return std::make_unique<RawSource>(std::move(bytes), std::move(layout));
+    Components const components = layout.components;
+    std::int64_t& width = layout.header.dims.x;
+    if (components.count < 1 || __builtin_mul_overflow(width, components.count, &width) || width > max_extent)
+        throw Error(ErrorKind::data, text("'", bytes->name(), "': rows of more values than can be"));
+    auto wide = std::make_unique<RawSource>(std::move(bytes), std::move(layout));
+    if (components.count == 1) return wide;
+    return component_source(std::move(wide), components);
 }
 
 void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {

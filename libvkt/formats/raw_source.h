@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/engine/source.h"
+#include "libvkt/formats/components.h"
 #include "libvkt/formats/decode.h"
 #include "libvkt/formats/format.h"
 
@@ -14,17 +14,14 @@
 
 namespace vkt {
 
-/// Where the volumes of a series lie along the axis that enumerates them. Of volume i, attribute "sequence position" is
-/// origin + i * step, and "sequence step" the step.
-struct SequenceAxis {
-    double origin = 0, step = 1;
-};
-
 /// Where the voxels of one or several equal volumes lie.
 struct RawLayout {
     Header header;            ///< of every volume
     std::int64_t volumes = 1; ///< that follow one another
     std::optional<SequenceAxis> sequence;
+    /// The volumes are as many such series one after another; attribute "channel" says which one is meant.
+    std::int64_t channels = 1;
+    Components components; ///< of each voxel, which become volumes of their own
     Encoding encoding = Encoding::raw;
     bool big_endian = false; ///< no meaning for text
     /// Files that hold equal shares, in order; empty if the voxels are in the file that was opened, at its position.
@@ -36,8 +33,8 @@ struct RawLayout {
     bool exact = false; ///< bytes behind the last voxel are an error
 };
 
-/// Access::random if everything is a regular file of encoding raw, reading only the bytes that a region needs;
-/// otherwise Access::forward. Sizes are checked against the files before next_volume() returns. Throws Error{data, io}.
+/// Access::random if everything is a regular file of encoding raw, reading only the bytes that a region needs, or if
+/// voxels have several components; otherwise Access::forward. Sizes are checked against the files before next_volume() returns. Throws Error{data, io}.
 std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout);
 
 /// Reverses the bytes of n samples of `size` bytes each, in place.

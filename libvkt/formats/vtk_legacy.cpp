@@ -10,7 +10,6 @@
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/tree_file.h"
-#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <bit>
@@ -19,8 +18,6 @@
 #include <cstring>
 #include <functional>
 #include <optional>
-
-#include <fcntl.h>
 
 namespace vkt {
 namespace {
@@ -355,58 +352,43 @@ private:
     Vec3 lower_;                  ///< index of the first point
 };
 
-/// The chosen array, with what the file holds besides. Components of vectors follow one another as volumes.
+/// The chosen array, with what the file holds besides.
 class LegacySource : public Source {
 public:
-    /// Opens the numbers of the array as voxels, whose rows hold all components of theirs.
-    using Open = std::function<std::unique_ptr<Source>()>;
-
-    LegacySource(Header header, LegacyArray array, Open open, bool forward, std::vector<AmrVariable> choices,
+    /// `numbers` are those of the array, of the type in which they are stored.
+    LegacySource(Header header, std::unique_ptr<Source> numbers, bool shares, std::vector<AmrVariable> choices,
                  std::vector<std::string> not_read, std::string name)
-        : header_(std::move(header)), array_(std::move(array)), open_(std::move(open)), forward_(forward),
-          choices_(std::move(choices)), not_read_(std::move(not_read)), name_(std::move(name)) {}
+        : header_(std::move(header)), numbers_(std::move(numbers)), shares_(shares), choices_(std::move(choices)),
+          not_read_(std::move(not_read)), name_(std::move(name)) {}
 
     bool next_volume() override {
-        if (index_ + 1 >= array_.components) return false;
-        // What is text is read again from its beginning.
-        if (!numbers_ || forward_) {
-            numbers_ = open_();
-            if (!numbers_->next_volume()) return false;
-        }
-        ++index_;
-        if (array_.components > 1) header_.attributes["channel"] = to_text(index_);
+        if (!numbers_->next_volume()) return false;
+        auto const& said = numbers_->header().attributes;
+        if (auto const channel = said.find("channel"); channel != said.end())
+            header_.attributes["channel"] = channel->second;
         return true;
     }
     Header const& header() const override { return header_; }
-    Access access() const override { return forward_ ? Access::forward : Access::random; }
+    Access access() const override { return numbers_->access(); }
     std::vector<std::string> not_read() const override { return not_read_; }
     void finish() override { numbers_->finish(); }
 
     void read(AnyView out) override {
         if (!choices_.empty()) choose_variable(choices_, "", name_);
-        if (array_.components == 1 && !array_.shares) return numbers_->read(out);
-        // Some rows at a time, with all components.
-        std::size_t const stored = size_of(numbers_->header().dtype), size = size_of(header_.dtype);
-        std::int64_t const row = out.dims().x * array_.components;
-        std::int64_t const rows = std::max<std::int64_t>((std::int64_t{1} << 18) / row, 1);
+        if (!shares_) return numbers_->read(out);
+        // Some rows at a time.
         Header part = numbers_->header();
+        std::int64_t const width = out.dims().x;
+        std::int64_t const rows = std::max<std::int64_t>((std::int64_t{1} << 18) / std::max<std::int64_t>(width, 1), 1);
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
             for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; y += rows) {
-                part.dims = {row, std::min(rows, out.box.upper.y - y), 1};
+                part.dims = {width, std::min(rows, out.box.upper.y - y), 1};
                 Volume values(part);
-                AnyView const all = values.mutable_view().moved_to({out.box.lower.x * array_.components, y, z});
+                AnyView const all = values.mutable_view().moved_to({out.box.lower.x, y, z});
                 numbers_->read(all);
-                std::byte const* from = all.at(all.box.lower.x, y, z) + static_cast<std::size_t>(index_) * stored;
-                for (std::int64_t r = 0; r < part.dims.y; ++r) {
-                    std::byte* to = out.at(out.box.lower.x, y + r, z);
-                    for (std::int64_t x = 0; x < out.dims().x; ++x, to += size) {
-                        if (array_.shares)
-                            put_share(from, to);
-                        else
-                            std::memcpy(to, from, size);
-                        from += static_cast<std::size_t>(array_.components) * stored;
-                    }
-                }
+                for (std::int64_t r = y; r < all.box.upper.y; ++r)
+                    for (std::int64_t x = out.box.lower.x; x < out.box.upper.x; ++x)
+                        put_share(all.at(x, r, z), out.at(x, r, z));
             }
     }
 
@@ -418,14 +400,11 @@ private:
     }
 
     Header header_;
-    LegacyArray array_;
-    Open open_;
-    bool forward_; ///< text
     std::unique_ptr<Source> numbers_;
+    bool shares_; ///< of 255, as float32
     std::vector<AmrVariable> choices_;
     std::vector<std::string> not_read_;
     std::string name_;
-    std::int64_t index_ = -1; ///< component
 };
 
 /// Without a name, the only array, or the only one of one component.
@@ -474,36 +453,27 @@ std::unique_ptr<Source> open_legacy(std::unique_ptr<ByteSource> bytes, ReadOptio
     layout.header.dims = header.dims;
     layout.header.dtype = chosen.shares ? DataType::float32 : chosen.type;
     layout.big_endian = true;
-    if (__builtin_mul_overflow(header.dims.x, chosen.components, &layout.header.dims.x) ||
-        layout.header.dims.x > max_extent)
-        throw Error(ErrorKind::data, text("'", name, "': rows of more values than can be"));
-    std::int64_t end = 0;
+    layout.components.count = chosen.components;
+    std::int64_t values = 0;
+    if (__builtin_mul_overflow(layout.header.voxels(), chosen.components, &values))
+        throw Error(ErrorKind::data, text("'", name, "': more values than can be"));
+    bytes->seek(chosen.position);
     if (reader.ascii()) {
         // No further than its last number, behind which words follow.
-        bytes->seek(chosen.position);
-        end = reader.skip_words(layout.header.voxels());
+        std::int64_t const end = reader.skip_words(values);
         layout.encoding = Encoding::text;
+        std::shared_ptr<ByteSource> const file = std::move(bytes);
+        bytes =
+            std::make_unique<ByteSource>(name, [file, end, at = chosen.position](std::byte* to, std::size_t n) mutable {
+                auto const count = std::min<std::int64_t>(end - at, static_cast<std::int64_t>(n));
+                file->read_at(at, to, static_cast<std::size_t>(count));
+                at += count;
+                return static_cast<std::size_t>(count);
+            });
     }
-    std::shared_ptr<ByteSource> const file = std::move(bytes);
-    auto numbers = [file, layout, end, position = chosen.position, name]() -> std::unique_ptr<Source> {
-        if (layout.encoding == Encoding::text) {
-            auto part =
-                std::make_unique<ByteSource>(name, [file, end, at = position](std::byte* to, std::size_t n) mutable {
-                    auto const count = std::min<std::int64_t>(end - at, static_cast<std::int64_t>(n));
-                    file->read_at(at, to, static_cast<std::size_t>(count));
-                    at += count;
-                    return static_cast<std::size_t>(count);
-                });
-            return raw_source(std::move(part), layout);
-        }
-        int const again = ::fcntl(file->descriptor(), F_DUPFD_CLOEXEC, 0);
-        if (again < 0) throw system_error(text("cannot open '", name, "' again"));
-        auto whole = std::make_unique<ByteSource>(again, name);
-        whole->seek(position);
-        return raw_source(std::move(whole), layout);
-    };
-    return std::make_unique<LegacySource>(std::move(header), chosen, std::move(numbers), reader.ascii(),
-                                          open ? all : std::vector<AmrVariable>(), reader.not_read, name);
+    return std::make_unique<LegacySource>(std::move(header), raw_source(std::move(bytes), std::move(layout)),
+                                          chosen.shares, open ? all : std::vector<AmrVariable>(), reader.not_read,
+                                          name);
 }
 
 // --- Writing --------------------------------------------------------------------------------------------------------

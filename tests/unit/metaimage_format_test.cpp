@@ -147,7 +147,7 @@ TEST(MetaImage, MalformedHeadersAreRefused) {
           "NDims = 1\nDimSize = 5\nElementType = MET_CHAR\nOffset = one\nElementDataFile = LOCAL\n",
           "NDims = 2\nDimSize = 5 1\nElementType = MET_CHAR\nTransformMatrix = 1 0 1 0\nElementDataFile = LOCAL\n",
           "NDims = 2\nDimSize = 5 1\nElementType = MET_CHAR\nTransformMatrix = 1 0 1\nElementDataFile = LOCAL\n",
-          "NDims = 1\nDimSize = 5\nElementType = MET_CHAR\nElementNumberOfChannels = 3\nElementDataFile = LOCAL\n",
+          "NDims = 1\nDimSize = 5\nElementType = MET_CHAR\nElementNumberOfChannels = 0\nElementDataFile = LOCAL\n",
           "ObjectType = Tube\nNDims = 1\nDimSize = 5\nElementType = MET_CHAR\nElementDataFile = LOCAL\n",
           "NDims = 1\nDimSize = 5\nDimSize = 5\nElementType = MET_CHAR\nElementDataFile = LOCAL\n",
           "NDims = 1\nDimSize = 5\nElementType = MET_CHAR\nno sense\nElementDataFile = LOCAL\n"}) {
