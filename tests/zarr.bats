@@ -140,15 +140,33 @@ check(data.astype("i2"), 3, filters=[V3.Delta(dtype="<i2")], shards=(8, 12, 10))
 check(data, 3, filters=[V3.FixedScaleOffset(offset=-500, scale=10, dtype="<f8", astype="<i2")])
 check(data.astype("u4"), 3, compressors=[V3.Shuffle(elementsize=4), V3.Zlib(level=1)])
 for codec in V3.LZ4(), V3.BZ2(), V3.LZMA(), V3.Zstd(), V3.GZip(), V3.Blosc(cname="lz4"): check(data.astype("i2"), 3, compressors=[codec])
+# Checksums, before and behind, on their own, in a row and inside of compression; a changed byte is told.
+for sum in N.CRC32(), N.CRC32("end"), N.Adler32(), N.Adler32("end"), N.CRC32C(), N.CRC32C("start"), N.Fletcher32():
+    for compressor in None, N.Zlib(1), N.Blosc("lz4"):
+        check(data.astype("i2"), filters=[sum], compressors=compressor)
+        check(data.astype("i2"), filters=[N.Delta("<i2"), N.Shuffle(2), sum], compressors=compressor)
+    check(data.astype("u1"), filters=[sum], compressors=None)  # chunks of odd sizes too, at none of the ends
+check(np.zeros((9, 13, 11), "u1"), filters=[N.Fletcher32()], compressors=None)
+check(np.full((9, 13, 11), 255, "u1"), filters=[N.Fletcher32()], compressors=None)
+check(data.astype("i2"), filters=[N.CRC32(), N.Fletcher32(), N.Adler32("end")], compressors=N.Zstd(1))
+for sum in V3.CRC32(), V3.Adler32(), V3.CRC32C(), V3.Fletcher32(), V3.CRC32(location="end"):
+    check(data.astype("i2"), 3, compressors=[sum])
+    check(data.astype("i2"), 3, compressors=[sum, V3.Zlib(level=1)])
+    chunk = bytearray(open(f"f{n - 2}.zarr/c/0/0/0", "rb").read())
+    chunk[20] ^= 1
+    open(f"f{n - 2}.zarr/c/0/0/0", "wb").write(chunk)
+    assert subprocess.run(["vkt", "stats", f"f{n - 2}.zarr"], capture_output=True).returncode == 3
 def refused(name, filters):
     by_hand(name, data.astype("<i2"), (4, 6, 5), {"filters": filters})
 refused("objects", [{"id": "vlen-utf8"}]); refused("zero", [{"id": "fixedscaleoffset", "scale": 0, "offset": 1, "dtype": "<i2"}])
 refused("others", [{"id": "delta", "dtype": "<f8"}]); refused("behind", [{"id": "shuffle", "elementsize": 2}, {"id": "delta", "dtype": "<i2"}])
+refused("summed", [{"id": "crc32"}, {"id": "delta", "dtype": "<i2"}])
 PY
     fails_with 3 "the filter 'vlen-utf8', which is not read" vkt info objects
     fails_with 3 "a filter whose scale is 0" vkt info zero
     fails_with 3 "filters of other types than its own" vkt info others
     fails_with 3 "behind one of bytes" vkt info behind
+    fails_with 3 "the filter 'delta', which is not read" vkt info summed
 }
 
 @test "OME-Zarr: axes, scales, translations, units, levels, of both versions" {

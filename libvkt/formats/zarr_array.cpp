@@ -48,6 +48,14 @@ std::optional<Codec> codec_named(std::string const& name) {
     return found == std::end(known) ? std::nullopt : std::optional(found->second);
 }
 
+/// By numcodecs' name.
+std::optional<Codec> checksum_named(std::string const& name, bool at_start) {
+    if (name == "crc32c") return at_start ? Codec::crc32c_before : Codec::crc32c;
+    if (name == "crc32") return at_start ? Codec::crc32_before : Codec::crc32;
+    if (name == "adler32") return at_start ? Codec::adler32_before : Codec::adler32;
+    return name == "fletcher32" ? std::optional(Codec::fletcher32) : std::nullopt;
+}
+
 /// Of version 3 without a prefix.
 bool standard(Codec codec) { return codec == Codec::gzip || codec == Codec::zstd || codec == Codec::blosc; }
 
@@ -235,7 +243,14 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
         if (!value.is_number()) fail(text("a filter's ", what, " is no number"));
         return value.get<double>();
     };
-    if (array_.filters.size() >= 8) fail("more than eight filters");
+    if (array_.filters.size() + array_.codecs.size() >= 8) fail("more than eight filters");
+    Json const* const location = maybe(configuration, "location");
+    bool const at_start = location != nullptr ? *location == "start" : name == "crc32" || name == "adler32";
+    if (auto const sum = checksum_named(name, at_start)) {
+        array_.codecs.push_back(*sum);
+        return true;
+    }
+    if (!array_.codecs.empty()) return false; // behind a checksum
     if (name == "shuffle") {
         Json const* const element = maybe(configuration, "elementsize");
         std::uint64_t const size = element != nullptr && element->is_number_unsigned() ? element->get<std::uint64_t>()
@@ -330,8 +345,8 @@ void Metadata::read_codecs(Json const& list, bool inside_shard) {
         } else if (name == "sharding_indexed" && !inside_shard && list.size() == 1) {
             return read_shard(how);
         } else if (name.starts_with("numcodecs.") && read_filter(name.substr(10), how)) {
-            if (bytes != (name == "numcodecs.shuffle") || !array_.codecs.empty())
-                fail(text("the filter '", name.substr(0, 40), "' where it cannot be"));
+            bool const of_bytes = name == "numcodecs.shuffle" || !array_.codecs.empty();
+            if (bytes != of_bytes) fail(text("the filter '", name.substr(0, 40), "' where it cannot be"));
         } else if (bytes && name == "crc32c") {
             array_.codecs.push_back(Codec::crc32c);
         } else if (auto const known = codec_named(name.starts_with("numcodecs.") ? name.substr(10) : name);
@@ -558,9 +573,9 @@ bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scra
         LargeVector<std::byte>*held = &scratch.encoded, *other = &scratch.decoded;
         for (std::size_t i = codecs.size(); i-- > 0;) {
             auto const checksums_before = static_cast<std::size_t>(
-                std::count(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), Codec::crc32c));
+                std::count_if(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), is_checksum));
             std::size_t size = to.size() + 4 * checksums_before;
-            if (codecs[i] == Codec::crc32c) size = std::max<std::size_t>(bytes.size(), 4) - 4;
+            if (is_checksum(codecs[i])) size = std::max<std::size_t>(bytes.size(), 4) - 4;
             std::span<std::byte> const target = i > 0 || size != to.size() ? room(*other, size) : to;
             decode(codecs[i], bytes, target, file);
             bytes = target;

@@ -20,8 +20,25 @@
 
 namespace vkt::zarr {
 
-/// What undoes, or does, one step of compression.
-enum class Codec : std::uint8_t { zlib, gzip, zstd, blosc, lz4, bzip2, lzma, crc32c };
+/// What undoes, or does, one step of compression. Checksums of four bytes stand behind what they are of, or before it.
+enum class Codec : std::uint8_t {
+    zlib,
+    gzip,
+    zstd,
+    blosc,
+    lz4,
+    bzip2,
+    lzma,
+    crc32c,
+    crc32c_before,
+    crc32,
+    crc32_before,
+    adler32,
+    adler32_before,
+    fletcher32
+};
+
+inline bool is_checksum(Codec codec) { return codec >= Codec::crc32c; }
 
 /// What the library has of each codec; loads the module blosc. Throws Error{failure} for what the build is without.
 void require(Codec codec, std::string const& file);

@@ -38,11 +38,9 @@ std::optional<Packing> packing_of(Codec codec) {
         return Packing::bzip2;
     case Codec::lzma:
         return Packing::lzma;
-    case Codec::blosc:
-    case Codec::crc32c:
-        break;
+    default:
+        return {};
     }
-    return {};
 }
 
 std::array<std::uint32_t, 256> crc_table() {
@@ -60,6 +58,37 @@ std::uint32_t crc32c(std::span<std::byte const> bytes) {
     std::uint32_t c = ~0U;
     for (std::byte const b : bytes) c = table[(c ^ std::to_integer<std::uint32_t>(b)) & 255] ^ c >> 8;
     return ~c;
+}
+
+/// Of words of two bytes, the first the higher one, and of a last byte the higher one alone (Fletcher, 1982, as HDF5
+/// has it: sums of anything but zeros are never 0, since carries are added).
+std::uint32_t fletcher32(std::span<std::byte const> bytes) {
+    constexpr std::uint64_t base = 65535;
+    std::uint64_t first = 0, second = 0;
+    for (std::size_t i = 0; i < bytes.size(); i += 2) {
+        first += std::to_integer<std::uint64_t>(bytes[i]) << 8;
+        if (i + 1 < bytes.size()) first += std::to_integer<std::uint64_t>(bytes[i + 1]);
+        if (first > base) first -= base;
+        second += first;
+        if (second > base) second -= base;
+    }
+    return static_cast<std::uint32_t>(second << 16 | first);
+}
+
+std::uint32_t checksum(Codec codec, std::span<std::byte const> bytes) {
+    auto const* const data = reinterpret_cast<Bytef const*>(bytes.data());
+    switch (codec) {
+    case Codec::crc32:
+    case Codec::crc32_before:
+        return static_cast<std::uint32_t>(crc32_z(0, data, bytes.size()));
+    case Codec::adler32:
+    case Codec::adler32_before:
+        return static_cast<std::uint32_t>(adler32_z(1, data, bytes.size()));
+    case Codec::fletcher32:
+        return fletcher32(bytes);
+    default:
+        return crc32c(bytes);
+    }
 }
 
 /// With gzip's header; 0 on failure.
@@ -92,10 +121,11 @@ bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> 
         return unpack(*packing, from, to);
     }
     if (from.size() != to.size() + 4) return false;
+    bool const before = codec == Codec::crc32c_before || codec == Codec::crc32_before || codec == Codec::adler32_before;
     std::uint32_t said = 0;
-    std::memcpy(&said, from.data() + to.size(), 4);
-    std::memcpy(to.data(), from.data(), to.size());
-    return said == crc32c(to);
+    std::memcpy(&said, from.data() + (before ? 0 : to.size()), 4);
+    std::memcpy(to.data(), from.data() + (before ? 4 : 0), to.size());
+    return said == checksum(codec, to);
 }
 
 } // namespace
