@@ -115,6 +115,20 @@ struct vkt_stream_reader {
 };
 
 struct vkt_stream_writer {
+    vkt_stream_writer() = default;
+    vkt_stream_writer(vkt_stream_writer const&) = delete;
+    vkt_stream_writer& operator=(vkt_stream_writer const&) = delete;
+    ~vkt_stream_writer() { finish(); }
+    /// The reader sees the end once the program has closed its descriptor, too.
+    void finish() {
+        sink.reset();
+        if (own >= 0) ::close(std::exchange(own, -1));
+    }
+
+    /// Who waits for room in a call; the thread that writes is nobody's.
+    std::atomic<std::thread::id> caller{};
+    ProgressMonitor* monitor = nullptr;
+    int own = -1; ///< of a pipe: a writing end that does not block
     std::unique_ptr<ipc::StreamSink> sink{};
     bool pipe = false, closed = false;
     Failure failure{};
@@ -123,20 +137,28 @@ struct vkt_stream_writer {
 
 namespace {
 
-/// Names the caller of a reader for as long as its call lasts.
-class Calling {
+/// Names the caller of a reader or writer for as long as its call lasts.
+template <class Stream> class Calling {
 public:
-    Calling(vkt_stream_reader& reader, ProgressMonitor* monitor) : reader_(reader) {
-        reader_.monitor = monitor;
-        reader_.caller = std::this_thread::get_id();
+    Calling(Stream& stream, ProgressMonitor* monitor) : stream_(stream) {
+        stream_.monitor = monitor;
+        stream_.caller = std::this_thread::get_id();
     }
-    ~Calling() { reader_.caller = std::thread::id(); }
+    ~Calling() { stream_.caller = std::thread::id(); }
     Calling(Calling const&) = delete;
     Calling& operator=(Calling const&) = delete;
 
 private:
-    vkt_stream_reader& reader_;
+    Stream& stream_;
 };
+
+/// For StreamOptions::waiting: who called may end the call.
+template <class Stream> std::function<void()> ended_by_caller(Stream* stream) {
+    return [stream] {
+        if (stream->caller.load() == std::this_thread::get_id() && stream->monitor != nullptr)
+            stream->monitor->poll(0, 1);
+    };
+}
 
 void tell_reader(vkt_stream_writer& writer, std::string const& message) {
     if (writer.pipe || writer.sink->traffic().bytes > 0) writer.sink->fail(program_invocation_short_name, message);
@@ -151,9 +173,7 @@ vkt_status vkt_stream_open(int descriptor, vkt_stream_reader** reader) {
         auto result = std::make_unique<vkt_stream_reader>();
         ipc::StreamOptions options;
         options.stage = program_invocation_short_name;
-        options.waiting = [own = result.get()] {
-            if (own->caller.load() == std::this_thread::get_id() && own->monitor != nullptr) own->monitor->poll(0, 1);
-        };
+        options.waiting = ended_by_caller(result.get());
         auto bytes = std::make_unique<ByteSource>(duplicate(descriptor), text("descriptor ", descriptor));
         result->source = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
         *reader = result.release();
@@ -199,7 +219,9 @@ vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t co
         options.notice = [own = result.get()](std::string const& notice) { own->notice = printable(notice); };
         WithoutBrokenPipeSignal const quiet;
         result->pipe = ipc::is_pipe(descriptor);
-        result->sink = std::make_unique<ipc::StreamSink>(descriptor, options);
+        if (result->pipe) result->own = ipc::without_blocking(descriptor);
+        if (result->own >= 0) options.waiting = ended_by_caller(result.get());
+        result->sink = std::make_unique<ipc::StreamSink>(result->own >= 0 ? result->own : descriptor, options);
         *writer = result.release();
     });
 }
@@ -209,6 +231,7 @@ vkt_status vkt_stream_put(vkt_stream_writer* writer, vkt_volume const* volume) {
         need(writer, "writer");
         need(volume, "volume");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
+        Calling const calling(*writer, call.monitor());
         writer->failure.guard([&] {
             WithoutBrokenPipeSignal const quiet;
             auto const source = volume_source({volume->volume});
@@ -232,18 +255,21 @@ vkt_status vkt_stream_fail(vkt_stream_writer* writer, char const* message) {
             WithoutBrokenPipeSignal const quiet;
             writer->closed = true;
             tell_reader(*writer, message);
+            writer->finish();
         });
     });
 }
 
 vkt_status vkt_stream_close(vkt_stream_writer* writer) {
-    return ipc::guarded([&](Call&) {
+    return ipc::guarded([&](Call& call) {
         need(writer, "writer");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
+        Calling const calling(*writer, call.monitor());
         writer->failure.guard([&] {
             WithoutBrokenPipeSignal const quiet;
             writer->sink->close();
             writer->closed = true;
+            writer->finish();
         });
     });
 }

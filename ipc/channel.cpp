@@ -309,15 +309,26 @@ void ProducerChannel::relay() {
     }
 }
 
-std::uint32_t ProducerChannel::acquire_slot() {
+std::uint32_t ProducerChannel::acquire_slot(std::function<void()> const& waiting) {
+    constexpr std::chrono::milliseconds between{20};
     if (relay_.joinable()) {
         std::unique_lock lock(mutex_);
-        returned_.wait(lock, [&] { return gone_ || !free_.empty(); });
+        auto const there = [&] { return gone_ || !free_.empty(); };
+        while (waiting && !returned_.wait_for(lock, between, there)) {
+            lock.unlock();
+            waiting();
+            lock.lock();
+        }
+        returned_.wait(lock, there);
         if (gone_) throw BrokenPipe{};
     } else {
         while (receive_return(MSG_DONTWAIT)) {
         }
-        while (free_.empty()) receive_return(0);
+        while (free_.empty()) {
+            pollfd entry{peer_, POLLIN, 0};
+            while (waiting && ::poll(&entry, 1, static_cast<int>(between.count())) == 0) waiting();
+            receive_return(0);
+        }
     }
     std::lock_guard const lock(mutex_);
     std::uint32_t const index = free_.back();

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -78,8 +79,9 @@ public:
     /// What keeps the consumer, once connected, from mapping memory of this GPU; empty if nothing does. Waits for it to
     /// get hold of its own. Throws BrokenPipe when it is gone.
     std::string gpu_obstacle(GpuMemory& gpu);
-    /// The name of a free slot of the ring; waits for the consumer to return one. Throws BrokenPipe when it is gone.
-    std::uint32_t acquire_slot();
+    /// The name of a free slot of the ring; waits for the consumer to return one, and calls `waiting`, if there is one,
+    /// every 20 ms meanwhile. Throws BrokenPipe when it is gone.
+    std::uint32_t acquire_slot(std::function<void()> const& waiting);
     /// The name of the only slot of a ring that holds a whole volume.
     std::uint32_t segment() const { return slot_name(generation_, 0); }
     std::byte* slot(std::uint32_t name) const { return ring_->slot(name & 0xffff); }

@@ -28,9 +28,9 @@ struct Closer {
     throw Error(ErrorKind::io, text("cannot write the stream: ", std::strerror(errno)));
 }
 
-void wait_until_writable(int descriptor) {
+void wait_until_writable(int descriptor, std::function<void()> const& waiting) {
     pollfd entry{descriptor, POLLOUT, 0};
-    ::poll(&entry, 1, -1);
+    while (::poll(&entry, 1, waiting ? 20 : -1) == 0) waiting();
 }
 
 /// Drops the first n bytes of a list of buffers.
@@ -48,20 +48,20 @@ void drop_front(std::span<iovec>& parts, std::size_t n) {
 
 } // namespace
 
-void write_all(int descriptor, std::span<iovec> parts) {
+void write_all(int descriptor, std::span<iovec> parts, std::function<void()> const& waiting) {
     drop_front(parts, 0);
     while (!parts.empty()) {
         ssize_t const n = ::writev(descriptor, parts.data(), static_cast<int>(parts.size()));
         if (n >= 0)
             drop_front(parts, static_cast<std::size_t>(n));
         else if (errno == EAGAIN)
-            wait_until_writable(descriptor);
+            wait_until_writable(descriptor, waiting);
         else if (errno != EINTR)
             fail_write();
     }
 }
 
-void splice_all(int descriptor, std::byte const* data, std::size_t bytes) {
+void splice_all(int descriptor, std::byte const* data, std::size_t bytes, std::function<void()> const& waiting) {
     while (bytes > 0) {
         iovec part{const_cast<std::byte*>(data), bytes};
         ssize_t const n = ::vmsplice(descriptor, &part, 1, 0);
@@ -69,7 +69,7 @@ void splice_all(int descriptor, std::byte const* data, std::size_t bytes) {
             data += n;
             bytes -= static_cast<std::size_t>(n);
         } else if (errno == EAGAIN) {
-            wait_until_writable(descriptor);
+            wait_until_writable(descriptor, waiting);
         } else if (errno != EINTR) {
             fail_write();
         }
@@ -90,6 +90,10 @@ std::size_t discard_from_pipe(int descriptor, std::size_t bytes, std::function<v
             break;
     }
     return done;
+}
+
+int without_blocking(int pipe) {
+    return ::open(text("/proc/self/fd/", pipe).c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
 }
 
 bool is_pipe(int descriptor) {

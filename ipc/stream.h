@@ -27,8 +27,8 @@ struct StreamOptions {
     bool whole = false;        ///< reading: whole volumes are wanted, in one segment of shared memory if the writer can
     std::string stage = "vkt"; ///< names this process in ERR frames and notices
     std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty
-    /// Reading: called every 20 ms while nothing arrives, by any thread that waits; what it throws ends the reading.
-    /// May be empty.
+    /// Called every 20 ms while nothing arrives, or while there is no room to write (of a descriptor that does not
+    /// block), by any thread that waits; what it throws ends the stream. May be empty.
     std::function<void()> waiting;
 };
 

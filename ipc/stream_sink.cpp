@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstring>
@@ -57,6 +58,11 @@ public:
     Writer(int descriptor, StreamOptions options)
         : descriptor_(descriptor), options_(std::move(options)), pipe_bytes_(enlarge_pipe(descriptor)) {
         if (pipe_bytes_ > 0) channel_ = std::make_unique<ProducerChannel>(descriptor);
+        if (options_.waiting)
+            waiting_ = [this] {
+                if (cancel_) throw Error(ErrorKind::cancelled, "cancelled");
+                options_.waiting();
+            };
     }
     ~Writer() { stop(true); }
     Writer(Writer const&) = delete;
@@ -94,6 +100,7 @@ private:
     void recycle(Slab slab);
     void work();
     void wait_until_written();
+    template <class Condition> void wait(std::unique_lock<std::mutex>& lock, Condition const& condition);
     void stop(bool cancel);
 
     int descriptor_;
@@ -118,9 +125,11 @@ private:
     std::vector<Slab> spare_;
     std::deque<Slab> in_pipe_; ///< their pages may still be referenced by the pipe
     std::size_t slabs_ = 0;    ///< buffers in circulation
-    bool busy_ = false, stop_ = false, cancel_ = false;
+    bool busy_ = false, stop_ = false;
+    std::atomic<bool> cancel_{false};
     std::exception_ptr failure_;
     Slab current_;
+    std::function<void()> waiting_; ///< for room; empty if only the system ends that
 };
 
 void StreamSink::Writer::write_frame(FrameHeader frame, std::span<iovec> parts) {
@@ -128,7 +137,7 @@ void StreamSink::Writer::write_frame(FrameHeader frame, std::span<iovec> parts) 
     std::vector<iovec> all{part(&frame, sizeof frame)};
     all.insert(all.end(), parts.begin(), parts.end());
     for (auto const& p : all) written_ += p.iov_len;
-    write_all(descriptor_, all);
+    write_all(descriptor_, all, waiting_);
 }
 
 void StreamSink::Writer::write_text(FrameType type, std::string const& payload, bool with_magic) {
@@ -140,7 +149,7 @@ void StreamSink::Writer::write_text(FrameType type, std::string const& payload, 
     if (with_magic) {
         std::array<iovec, 1> start{part(magic.data(), magic.size())};
         written_ += magic.size();
-        write_all(descriptor_, start);
+        write_all(descriptor_, start, waiting_);
     }
     std::array<iovec, 1> body{part(payload.data(), payload.size())};
     write_frame(frame, body);
@@ -211,7 +220,7 @@ bool StreamSink::Writer::take_slot(std::size_t bytes) {
     }
     if (!shares_) return false;
     auto const begin = Clock::now();
-    current_.slot = channel_->acquire_slot();
+    current_.slot = channel_->acquire_slot(options_.waiting);
     wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
     return true;
 }
@@ -233,7 +242,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     {
         std::unique_lock lock(mutex_);
         auto const begin = Clock::now();
-        changed_.wait(lock, [&] {
+        wait(lock, [&] {
             return failure_ || !spare_.empty() ||
                    slabs_ < (current_.bytes > large_slab ? ring_slabs - 1 : ring_slabs) + in_pipe_.size();
         });
@@ -362,7 +371,7 @@ void StreamSink::Writer::write_voxels(FrameHeader const& frame, std::span<std::b
         return write_frame(frame, parts);
     }
     write_frame(frame, std::span(parts).first(1));
-    splice_all(descriptor_, voxels, slab.bytes);
+    splice_all(descriptor_, voxels, slab.bytes, waiting_);
     written_ += slab.bytes;
     slab.spliced_at = written_;
 }
@@ -443,10 +452,21 @@ void StreamSink::Writer::write_bricks(BricksHeader const& head, std::span<std::b
     count(frame, cells.size());
 }
 
+/// Of the thread that computes, for the one that writes.
+template <class Condition>
+void StreamSink::Writer::wait(std::unique_lock<std::mutex>& lock, Condition const& condition) {
+    while (waiting_ && !changed_.wait_for(lock, std::chrono::milliseconds(20), condition)) {
+        lock.unlock();
+        waiting_();
+        lock.lock();
+    }
+    changed_.wait(lock, condition);
+}
+
 void StreamSink::Writer::wait_until_written() {
     std::unique_lock lock(mutex_);
     auto const begin = Clock::now();
-    changed_.wait(lock, [&] { return failure_ || (queue_.empty() && !busy_); });
+    wait(lock, [&] { return failure_ || (queue_.empty() && !busy_); });
     wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
     if (failure_) std::rethrow_exception(failure_);
 }

@@ -87,6 +87,16 @@ data = bytearray(open('b.vkt', 'rb').read()); data[len(data) // 2] ^= 4; open('d
     [ "$output" = "4 calls" ]
     make_series
     run -6 timeout 20 bash -c "streams cancel < <(head -c 60000 b.vkt; exec sleep 30 2>&-)"
+    # And while a pipe takes no bytes.
+    run -0 timeout 20 streams stuck
+    [ "$output" = "4 calls" ]
+    run -0 timeout 20 streams stuck --transport shm
+    # A reader that is slow gets all of it.
+    vkt make noise --dims 128 128 128 -o large.vkt
+    for transport in pipe shm; do
+        streams cat --transport $transport <large.vkt | { sleep 0.3; vkt diff - large.vkt; }
+        streams cat --transport $transport <large.vkt | { head -c 100000; sleep 0.2; cat; } | vkt diff - large.vkt
+    done
 }
 
 @test "each thread has a policy of its own for its calls" {

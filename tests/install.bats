@@ -91,6 +91,31 @@ EOF
     [ "$output" = "2 1 0 5 4 3 " ]
 }
 
+@test "a program in C alone builds, without what the library was built with" {
+    grep -q '^BUILD_SHARED_LIBS:BOOL=ON' "$VKT_BUILD/CMakeCache.txt" || skip "a static library needs what it was built with"
+    cat >CMakeLists.txt <<'EOF'
+cmake_minimum_required(VERSION 3.25)
+project(consumer C)
+find_package(vkt 0.1 REQUIRED)
+add_executable(consumer consumer.c)
+target_link_libraries(consumer PRIVATE vkt::vkt)
+EOF
+    cat >consumer.c <<'EOF'
+#include <stdio.h>
+#include <vkt/vkt.h>
+int main(void) { return puts(vkt_version()) < 0; }
+EOF
+    cmake -S . -B build -G Ninja -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_DISABLE_FIND_PACKAGE_ZLIB=ON \
+        -DCMAKE_DISABLE_FIND_PACKAGE_PNG=ON -DCMAKE_DISABLE_FIND_PACKAGE_BZip2=ON -DVKT_LIBRARY_expat=VKT_LIBRARY_expat-NOTFOUND \
+        >log 2>&1 || { cat log >&2; false; }
+    cmake --build build >log 2>&1 || { cat log >&2; false; }
+    [ "vkt $(build/consumer)" = "$(vkt --version | head -n 1)" ]
+    pc=$(find "$prefix" -name vkt.pc)
+    PKG_CONFIG_PATH='' PKG_CONFIG_LIBDIR="${pc%/*}" pkg-config --cflags --libs vkt >flags
+    eval "cc consumer.c -o in_c $(cat flags)"
+    [ "vkt $(./in_c)" = "$(vkt --version | head -n 1)" ]
+}
+
 @test "a program builds with pkg-config" {
     pc=$(find "$prefix" -name vkt.pc)
     export PKG_CONFIG_PATH="${pc%/*}"

@@ -180,7 +180,8 @@ typedef struct vkt_stream_writer vkt_stream_writer;
    reader that goes away is VKT_IO and no signal. */
 VKT_API vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t count,
                                      vkt_stream_writer** writer);
-/** Writes a volume. If that fails, the reader is told why. */
+/** Writes a volume. If that fails, the reader is told why. Cancelled also while it waits for a pipe to take bytes; what
+   follows in the stream means nothing then, and its reader finds it broken off. */
 VKT_API vkt_status vkt_stream_put(vkt_stream_writer* writer, vkt_volume const* volume);
 /** Tells the reader, whose call or command fails with it, why no more will come; in place of vkt_stream_close(). */
 VKT_API vkt_status vkt_stream_fail(vkt_stream_writer* writer, char const* message);

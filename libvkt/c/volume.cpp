@@ -5,8 +5,10 @@
 #include "libvkt/c/call.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -51,6 +53,14 @@ Header header_of(vkt_description const& d) {
     if (d.space != nullptr && *d.space != 0) header.attributes["space"] = d.space;
     mark_as_given(header);
     if (d.hierarchical != 0) throw Error(ErrorKind::usage, "only structured volumes can be created from voxels");
+    try {
+        check(header);
+    } catch (Error const& e) { // what of a file would be damage
+        throw Error(ErrorKind::usage, e.what(), e.hint());
+    }
+    for (Vec3 const& direction : header.geometry.direction)
+        if (std::abs(length(direction) - 1) > 1e-4)
+            throw Error(ErrorKind::usage, text("direction ", direction, " has no unit length"));
     return header;
 }
 
@@ -61,14 +71,17 @@ using namespace vkt;
 using namespace vkt::c;
 
 void vkt_default_description(vkt_description* description) {
-    *description = {{1, 1, 1}, "uint8", {0, 0, 0}, {1, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 1, 0, "", 0, ""};
+    if (description != nullptr)
+        *description = {{1, 1, 1}, "uint8", {0, 0, 0}, {1, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 1, 0, "", 0, ""};
 }
 
 vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume) {
-    return guarded([&](Call&) {
+    return guarded([&](Call& call) {
         need(description, "description");
         need(volume, "volume");
-        Volume result(header_of(*description));
+        Header header = header_of(*description);
+        check_budget(header.bytes(), call.execution());
+        Volume result(std::move(header));
         AnyView const view = result.mutable_view();
         if (voxels == nullptr)
             std::memset(view.data, 0, view.bytes());

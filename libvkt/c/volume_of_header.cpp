@@ -88,12 +88,13 @@ template <class Make> vkt_volume* owning(vkt_release_function release, void* use
 
 vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t bytes, vkt_release_function release,
                                   void* user, vkt_volume** volume) {
-    return guarded([&](Call&) {
+    return guarded([&](Call& call) {
         need(json, "json");
         need(voxels, "voxels");
         need(volume, "volume");
         Header header = header_of(json, bytes);
         if (release == nullptr) {
+            check_budget(bytes, call.execution());
             *volume = wrapped(copy_of(std::move(header), voxels));
             return;
         }

@@ -9,13 +9,7 @@ if(VKT_MODULES)
 endif()
 
 set(destination ${CMAKE_INSTALL_LIBDIR}/cmake/vkt)
-# What programs link to that give functors of their own to the drivers (libvkt/kernel/kernel.h): threads, and arithmetic
-# that is not contracted.
-add_library(vkt_kernels INTERFACE)
-set_target_properties(vkt_kernels PROPERTIES EXPORT_NAME kernels)
-target_link_libraries(vkt_kernels INTERFACE vkt OpenMP::OpenMP_CXX)
-target_compile_options(vkt_kernels INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off -fno-math-errno>)
-install(TARGETS vkt vkt_kernels EXPORT vktTargets
+install(TARGETS vkt EXPORT vktTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} NAMELINK_COMPONENT development)
 install(EXPORT vktTargets NAMESPACE vkt:: DESTINATION ${destination} COMPONENT development)
@@ -34,17 +28,17 @@ foreach(folder libvkt/c vkt)
   install(FILES libvkt/c/vkt.h libvkt/c/volkit.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${folder} COMPONENT development)
 endforeach()
 
-# A static library leaves its own dependencies to the one who links it, so they are not private then.
+# A static library leaves its own dependencies to the one who links it; a shared one needs none of them there.
 file(RELATIVE_PATH VKT_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 string(REGEX REPLACE "/$" "" VKT_PC_PREFIX "${VKT_PC_PREFIX}")
 set(VKT_PC_LIBS "")
-set(VKT_PC_PRIVATE ".private")
+set(VKT_PC_REQUIRES "")
 set(VKT_PC_RPATH "")
 if(BUILD_SHARED_LIBS) # wherever the prefix is, programs find the library there
   set(VKT_PC_RPATH " -Wl,-rpath,\${libdir}")
 endif()
 if(NOT BUILD_SHARED_LIBS)
-  set(VKT_PC_PRIVATE "")
+  set(VKT_PC_REQUIRES "Requires: zlib libpng\n")
   set(VKT_PC_LIBS " -lstdc++ ${OpenMP_CXX_FLAGS} -pthread -lm")
   if(VKT_HAVE_BZIP2)
     string(APPEND VKT_PC_LIBS " -lbz2")

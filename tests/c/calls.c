@@ -9,12 +9,12 @@
 #include <time.h>
 
 #define WORDS(...) (char const*[]){__VA_ARGS__}, sizeof((char const*[]){__VA_ARGS__}) / sizeof(char const*)
-#define MUST(condition)                                                                      \
-    do {                                                                                     \
-        if (!(condition)) {                                                                  \
-            fprintf(stderr, "line %d: %s: %s\n", __LINE__, #condition, vkt_error());         \
-            return 1;                                                                        \
-        }                                                                                    \
+#define MUST(condition)                                                                                                \
+    do {                                                                                                               \
+        if (!(condition)) {                                                                                            \
+            fprintf(stderr, "line %d: %s: %s\n", __LINE__, #condition, vkt_error());                                   \
+            return 1;                                                                                                  \
+        }                                                                                                              \
     } while (0)
 
 static double now(void) {
@@ -32,6 +32,7 @@ static void* in_other_thread(void* result) {
 static int policy(void) {
     vkt_policy p, at_first, asked = {"cpu", 3, (size_t)1 << 20};
     vkt_volume* volume = NULL;
+    vkt_description d;
     pthread_t thread;
     int other = 0;
     MUST(vkt_get_policy(&at_first) == VKT_OK);
@@ -46,6 +47,20 @@ static int policy(void) {
     MUST(vkt_apply(WORDS("make", "ramp", "--dims", "200,200,200", "--memory", "1GiB"), NULL, 0, &volume) == VKT_OK);
     vkt_free(volume);
     volume = NULL;
+    /* Volumes of voxels of the program's too. */
+    vkt_default_description(NULL);
+    vkt_default_description(&d);
+    d.dims[0] = (int64_t)1 << 39;
+    MUST(vkt_create(&d, NULL, &volume) == VKT_RESOURCES && strstr(vkt_error(), "1.0 MiB") != NULL && volume == NULL);
+    d.dims[0] = (int64_t)1 << 20;
+    MUST(vkt_create(&d, NULL, &volume) == VKT_OK);
+    vkt_free(volume);
+    volume = NULL;
+    d.dims[0] = -3;
+    MUST(vkt_create(&d, NULL, &volume) == VKT_USAGE && strstr(vkt_error(), "dims") != NULL);
+    d.dims[0] = 3;
+    d.direction[0] = 3;
+    MUST(vkt_create(&d, NULL, &volume) == VKT_USAGE && strstr(vkt_error(), "unit length") != NULL && volume == NULL);
     /* What cannot be changes nothing. */
     asked.threads = -2;
     MUST(vkt_set_policy(&asked) == VKT_USAGE && strstr(vkt_error(), "threads") != NULL);
@@ -63,7 +78,7 @@ static int policy(void) {
 }
 
 struct watch {
-    int calls, end_after; /* in calls; 0 never */
+    int calls, end_after;    /* in calls; 0 never */
     double least, last, end; /* end: when, 0 never */
     pthread_t thread;
     int wrong;
@@ -88,17 +103,22 @@ static int all_calls(char const* path, struct watch* w, vkt_status want) {
     vkt_volume *volume = NULL, *result = NULL, *read = NULL;
     vkt_picture* picture = NULL;
     char* json = NULL;
-    char const* const operations[][3] = {{"filter", "gaussian", "--sigma=3"}, {"filter", "median", "--radius=2"},
-                                         {"flip", "z", NULL},                 {"rotate", "--angle=30", NULL},
-                                         {"distance", NULL, NULL},            {"label", NULL, NULL},
-                                         {"watershed", NULL, NULL},           {"clahe", NULL, NULL},
-                                         {"threshold", "--otsu", NULL},       {"scan", NULL, NULL}};
+    char const* const operations[][3] = {{"filter", "gaussian", "--sigma=3"},
+                                         {"filter", "median", "--radius=2"},
+                                         {"flip", "z", NULL},
+                                         {"rotate", "--angle=30", NULL},
+                                         {"distance", NULL, NULL},
+                                         {"label", NULL, NULL},
+                                         {"watershed", NULL, NULL},
+                                         {"clahe", NULL, NULL},
+                                         {"threshold", "--otsu", NULL},
+                                         {"scan", NULL, NULL}};
     vkt_set_progress(NULL, NULL);
     MUST(vkt_read(path, NULL, 0, &volume) == VKT_OK);
     vkt_set_progress(watched, w);
-#define WATCHED(call)                                                                                       \
-    w->calls = 0, w->last = 0;                                                                              \
-    MUST((call) == want);                                                                                   \
+#define WATCHED(call)                                                                                                  \
+    w->calls = 0, w->last = 0;                                                                                         \
+    MUST((call) == want);                                                                                              \
     MUST(w->calls >= 1 && w->wrong == 0 && w->least == 0 && (w->end_after == 0 || w->calls == w->end_after))
     WATCHED(vkt_read(path, NULL, 0, &read));
     WATCHED(vkt_write(volume, "written.nrrd", WORDS("--force")));

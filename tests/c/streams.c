@@ -1,5 +1,5 @@
-/* Volumes through descriptors: streams cat|count|fail|forget|put|cancel|refuse, standard input to standard output.
-   SPDX-License-Identifier: MIT */
+/* Volumes through descriptors: streams cat|count|fail|forget|put|cancel|stuck|refuse, standard input to standard
+   output. SPDX-License-Identifier: MIT */
 #include "libvkt/c/vkt.h"
 
 #include <stdio.h>
@@ -84,6 +84,28 @@ static int refuse(void) {
     return 0;
 }
 
+/* A pipe that nobody reads: the call that waits for it is ended, and so is freeing, with the reader's end still open.
+ */
+static int stuck(char const* const* words, size_t words_count) {
+    vkt_description d;
+    vkt_volume* volume = NULL;
+    vkt_stream_writer* writer = NULL;
+    int ends[2], count = 0;
+    if (pipe(ends) != 0) return 1;
+    vkt_default_description(&d);
+    d.dims[0] = d.dims[1] = d.dims[2] = 160;
+    if (vkt_create(&d, NULL, &volume) != VKT_OK) return complain();
+    if (vkt_stream_create(ends[1], words, words_count, &writer) != VKT_OK) return complain();
+    vkt_set_progress(cancel, &count);
+    if (vkt_stream_put(writer, volume) != VKT_CANCELLED) return 99;
+    if (vkt_stream_put(writer, volume) != VKT_CANCELLED || strstr(vkt_error(), "failed before") == NULL) return 98;
+    vkt_set_progress(NULL, NULL);
+    vkt_stream_free_writer(writer);
+    vkt_free(volume);
+    printf("%d calls\n", count);
+    return 0;
+}
+
 int main(int argc, char** argv) {
     char const* const what = argc > 1 ? argv[1] : "";
     vkt_stream_writer* writer = NULL;
@@ -91,6 +113,7 @@ int main(int argc, char** argv) {
     vkt_volume* volume = NULL;
     int count = 0;
     if (strcmp(what, "refuse") == 0) return refuse();
+    if (strcmp(what, "stuck") == 0) return stuck((char const* const*)argv + 2, (size_t)argc - 2);
     if (strcmp(what, "count") == 0) {
         int const status = pass(NULL, &count);
         printf("%d\n", count);

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MUST(condition)                                                                                  \
-    do {                                                                                                 \
-        if (!(condition)) {                                                                              \
-            fprintf(stderr, "line %d: %s: %s\n", __LINE__, #condition, vkt_error());                     \
-            exit(1);                                                                                     \
-        }                                                                                                \
+#define MUST(condition)                                                                                                \
+    do {                                                                                                               \
+        if (!(condition)) {                                                                                            \
+            fprintf(stderr, "line %d: %s: %s\n", __LINE__, #condition, vkt_error());                                   \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
     } while (0)
 
 static vktStructuredVolume made(int x, int y, int z, vktDataFormat format, float low, float high) {
@@ -34,8 +34,7 @@ static vktStructuredVolume ramp(int x, int y, int z) {
     vktStructuredVolume volume = made(x, y, z, vktDataFormatFloat32, 0, 1);
     for (int k = 0; k < z; ++k)
         for (int j = 0; j < y; ++j)
-            for (int i = 0; i < x; ++i)
-                vktStructuredVolumeSetValue(volume, i, j, k, (float)(i + 10 * j + 100 * k));
+            for (int i = 0; i < x; ++i) vktStructuredVolumeSetValue(volume, i, j, k, (float)(i + 10 * j + 100 * k));
     return volume;
 }
 
@@ -106,7 +105,8 @@ static void fills(void) {
     MUST(vktFillSV(a, 1) == vktNoError);
     /* From 1.5 to 3.25: half of voxel 1, all of 2, a quarter of 3. */
     MUST(vktFillSubVoxelRangeSV(a, 1.5F, 0, 0, 3.25F, 2, 1, 5) == vktNoError);
-    MUST(at(a, 1, 0, 0) == 3 && at(a, 2, 1, 0) == 5 && at(a, 3, 0, 0) == 2 && at(a, 4, 0, 0) == 1 && at(a, 2, 2, 0) == 1);
+    MUST(at(a, 1, 0, 0) == 3 && at(a, 2, 1, 0) == 5 && at(a, 3, 0, 0) == 2 && at(a, 4, 0, 0) == 1 &&
+         at(a, 2, 2, 0) == 1);
     MUST(vktDeleteSV(a) == vktNoError && sum_of(a, 0) == 240);
     vktStructuredVolumeDestroy(a);
 }
@@ -117,9 +117,10 @@ static void copies(void) {
     MUST(vktFillSV(b, -1) == vktNoError);
     MUST(vktCopyRangeSV(b, a, 2, 3, 1, 4, 5, 3, 1, 1, 1) == vktNoError);
     MUST(at(b, 1, 1, 1) == 132 && at(b, 2, 2, 2) == 243 && sum_of(b, -1) == 64 - 8);
-    MUST(vktCopyRangeSV(b, a, 0, 0, 0, 8, 7, 6, 3, 3, 3) == vktNoError && at(b, 3, 3, 3) == 0); /* the rest has no room */
+    MUST(vktCopyRangeSV(b, a, 0, 0, 0, 8, 7, 6, 3, 3, 3) == vktNoError &&
+         at(b, 3, 3, 3) == 0); /* the rest has no room */
     MUST(vktCopyRangeSV(b, a, -2, 0, 0, 1, 1, 1, 0, 0, 0) == vktNoError);
-    MUST(at(b, 0, 0, 0) == 0 && at(b, 2, 0, 0) == 0); /* the border goes on */
+    MUST(at(b, 0, 0, 0) == 0 && at(b, 2, 0, 0) == 0);                                      /* the border goes on */
     MUST(vktCopySV(c, a) == vktNoError && at(c, 4, 4, 1) == 144 && at(c, 4, 4, 4) == 255); /* limited, not wrapped */
     MUST(vktStructuredVolumeGetDataFormat(c) == vktDataFormatUInt8);
     /* Flips, of odd extents, whole, by region, in place. */
@@ -167,7 +168,8 @@ static void moves(void) {
     vktStructuredVolume small = made(4, 8, 4, vktDataFormatFloat32, 0, 1);
     MUST(vktRotateSV(small, a, z, pi / 2, middle) == vktNoError && at(small, 3, 1, 2) == at(a, 1, 4, 2));
     /* Resampled: 4 voxels to 8, linearly between centres. */
-    vktStructuredVolume line = made(4, 1, 1, vktDataFormatFloat32, 0, 1), fine = made(8, 1, 1, vktDataFormatFloat32, 0, 1);
+    vktStructuredVolume line = made(4, 1, 1, vktDataFormatFloat32, 0, 1),
+                        fine = made(8, 1, 1, vktDataFormatFloat32, 0, 1);
     for (int i = 0; i < 4; ++i) vktStructuredVolumeSetValue(line, i, 0, 0, 10.0F * (float)i);
     MUST(vktResampleSV(fine, line, vktFilterModeLinear) == vktNoError);
     float const want[8] = {0, 2.5F, 7.5F, 12.5F, 17.5F, 22.5F, 27.5F, 30};
@@ -191,11 +193,13 @@ static void filters(void) {
                 double sum = 0;
                 for (int v = 0; v < 3; ++v)
                     for (int u = 0; u < 5; ++u)
-                        sum += (double)weights[u + 5 * v] * (double)at(a, mirrored(i + u - 2, 5), mirrored(j + v - 1, 4), k);
+                        sum += (double)weights[u + 5 * v] *
+                               (double)at(a, mirrored(i + u - 2, 5), mirrored(j + v - 1, 4), k);
                 MUST(fabs(at(b, i, j, k) - sum) < 1e-2); /* volkit: 0 at the border */
             }
     MUST(vktFillSV(b, 9) == vktNoError);
-    MUST(vktApplyFilterRangeSV(b, a, 1, 1, 1, 3, 3, 3, (float const[]){1}, 1, 1, 1, vktAddressModeBorder) == vktNoError);
+    MUST(vktApplyFilterRangeSV(b, a, 1, 1, 1, 3, 3, 3, (float const[]){1}, 1, 1, 1, vktAddressModeBorder) ==
+         vktNoError);
     MUST(at(b, 1, 1, 1) == 111 && at(b, 0, 0, 0) == 9 && sum_of(b, 9) == 80 - 8);
     float const side[3] = {1, 0, 0};
     MUST(vktApplyFilterSV(b, a, side, 3, 1, 1, vktAddressModeBorder) == vktNoError && at(b, 0, 2, 2) == 0);
@@ -235,7 +239,8 @@ static void swap(int32_t x, int32_t y, int32_t z, vktVoxelView_t one, vktVoxelVi
 static void transforms(void) {
     vktStructuredVolume a = ramp(4, 4, 4), b = made(3, 3, 3, vktDataFormatFloat32, 0, 1);
     MUST(vktTransformSV1(a, raise) == vktNoError && at(a, 2, 2, 2) == 1222 && at(a, 2, 2, 1) == 122);
-    MUST(vktTransformRangeSV1(a, 0, 0, 0, 2, 2, 2, raise) == vktNoError && at(a, 1, 1, 1) == 2111 && at(a, 3, 3, 3) == 1333);
+    MUST(vktTransformRangeSV1(a, 0, 0, 0, 2, 2, 2, raise) == vktNoError && at(a, 1, 1, 1) == 2111 &&
+         at(a, 3, 3, 3) == 1333);
     MUST(vktFillSV(b, 7) == vktNoError && vktTransformSV2(a, b, swap) == vktNoError);
     MUST(at(a, 2, 1, 0) == 7 && at(a, 3, 1, 0) == 13 && at(b, 2, 1, 0) == 12);
     MUST(vktTransformRangeSV2(a, b, 3, 0, 0, 4, 4, 4, 0, 0, 0, swap) == vktNoError);
@@ -262,7 +267,8 @@ static void arithmetic(void) {
     MUST(vktFillSV(wide, -1) == vktNoError);
     MUST(vktSumRangeSV(wide, a, b, 0, 0, 0, 2, 1, 1, 1, 1, 0) == vktNoError);
     MUST(fabsf(at(wide, 1, 1, 0) - 1) < 1e-6F && fabsf(at(wide, 2, 1, 0) - 1) < 1e-6F && sum_of(wide, -1) == 4);
-    MUST(vktSafeQuotRangeSV(wide, a, b, 0, 0, 0, 1, 1, 1, 0, 0, 0) == vktNoError && fabsf(at(wide, 0, 0, 0) - 1.5F) < 1e-6F);
+    MUST(vktSafeQuotRangeSV(wide, a, b, 0, 0, 0, 1, 1, 1, 0, 0, 0) == vktNoError &&
+         fabsf(at(wide, 0, 0, 0) - 1.5F) < 1e-6F);
     MUST(vktSumSV(wide, a, NULL) == vktInvalidValue);
     vktStructuredVolumeSetDist3f(b, 2, 1, 1); /* voxels meet by their number */
     vktStructuredVolumeSetDist3f(wide, 1, 1, 5);
