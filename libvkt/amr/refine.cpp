@@ -4,6 +4,8 @@
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/first_failure.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -103,6 +105,7 @@ private:
             next.cells.resize(static_cast<std::size_t>(next.dims.x * next.dims.y * next.dims.z));
             Index3 const step = cell_width(n_, 1);
             double const share = 1.0 / static_cast<double>(step.x * step.y * step.z);
+            tell();
 #pragma omp parallel for num_threads(execution_.threads) schedule(static)
             for (std::int64_t z = 0; z < next.dims.z; ++z)
                 for (std::int64_t y = 0; y < next.dims.y; ++y)
@@ -217,16 +220,22 @@ private:
                 extent[a] = block_[a] * means_[m].width[a];
                 count[a] = n_[a] / extent[a];
             }
+            FirstFailure failure;
 #pragma omp parallel for num_threads(execution_.threads) schedule(dynamic, 1)
             for (std::int64_t bz = 0; bz < count.z; ++bz)
-                for (std::int64_t by = 0; by < count.y; ++by)
-                    for (std::int64_t bx = 0; bx < count.x; ++bx) {
-                        Index3 const first{bx * fine.x, by * fine.y, bz * fine.z};
-                        if (!all_leaves(first, fine, level - 1)) continue;
-                        Index3 const lower{bx * extent.x, by * extent.y, bz * extent.z};
-                        if (reproduces(means_[m], {lower, lower + extent}))
-                            set_leaves(first, fine, static_cast<signed char>(level));
+                failure.catch_from([&] {
+                    for (std::int64_t by = 0; by < count.y; ++by) {
+                        tell();
+                        for (std::int64_t bx = 0; bx < count.x; ++bx) {
+                            Index3 const first{bx * fine.x, by * fine.y, bz * fine.z};
+                            if (!all_leaves(first, fine, level - 1)) continue;
+                            Index3 const lower{bx * extent.x, by * extent.y, bz * extent.z};
+                            if (reproduces(means_[m], {lower, lower + extent}))
+                                set_leaves(first, fine, static_cast<signed char>(level));
+                        }
                     }
+                });
+            failure.rethrow();
         }
     }
 
@@ -395,6 +404,7 @@ private:
         std::vector<T> slab(static_cast<std::size_t>(n_.x * n_.y * std::min<std::int64_t>(n_.z, 16 + 2 * beyond)));
         bool any = false;
         for (std::int64_t z0 = 0; z0 < n_.z; z0 += 16) {
+            tell();
             Box const box{{0, 0, std::max<std::int64_t>(z0 - beyond, 0)},
                           {n_.x, n_.y, std::min(z0 + 16 + beyond, n_.z)}};
             reconstructor.run(dense_view(reinterpret_cast<std::byte*>(slab.data()), volume_.header().dtype, box),
@@ -431,6 +441,11 @@ private:
                 if (failed[index_of(first_block(block))] != 0) mark(block, static_cast<signed char>(block.level - 1));
             });
         return any;
+    }
+
+    /// How long it takes depends on the voxels: that it goes on is all that is told.
+    void tell() const {
+        if (execution_.monitor != nullptr) execution_.monitor->poll(0, 1);
     }
 
     /// The blocks that a brick was joined of.

@@ -48,6 +48,13 @@ ProgressPart::ProgressPart(ProgressMonitor* monitor, double done, double step)
 ProgressPart::ProgressPart(ProgressMonitor* monitor, std::int64_t done, std::int64_t step, std::int64_t of)
     : ProgressPart(monitor, share(done, of), share(step, of)) {}
 
+ProgressPart::ProgressPart(OfCall, ProgressMonitor* monitor, double done, double step)
+    : ProgressPart(monitor, 0.0, 1.0) {
+    if (monitor_ == nullptr) return;
+    monitor_->from_ = done;
+    monitor_->to_ = done + step;
+}
+
 ProgressPart::~ProgressPart() {
     if (monitor_ == nullptr) return;
     monitor_->from_ = from_;

@@ -43,6 +43,9 @@ class ProgressPart {
 public:
     ProgressPart(ProgressMonitor* monitor, double done, double step);
     ProgressPart(ProgressMonitor* monitor, std::int64_t done, std::int64_t step, std::int64_t of);
+    /// The same of the whole call, however small the part is that asked for it: of work that is done once, for all.
+    struct OfCall {};
+    ProgressPart(OfCall, ProgressMonitor* monitor, double done, double step);
     ~ProgressPart();
     ProgressPart(ProgressPart const&) = delete;
     ProgressPart& operator=(ProgressPart const&) = delete;

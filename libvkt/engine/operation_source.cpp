@@ -350,7 +350,7 @@ BrickSequence OperationSource::take_bricks() {
 
 void OperationSource::scan() {
     Input& input = *inputs_.front();
-    ProgressPart const half(requested_.monitor, 0.0, 0.5);
+    ProgressPart const half(ProgressPart::OfCall{}, requested_.monitor, 0.0, 0.5);
     do scan_volume(input, operation_, requested_, info_.times.get());
     while (operation_.scans_again());
     operation_.after_scan(plan_);
@@ -589,7 +589,13 @@ void OperationSource::compute_region(AnyView out) {
                             ? dense_view(static_cast<std::byte const*>(nullptr), inputs_[i]->header().dtype, footprint)
                             : fetch(i, footprint));
     }
-    ProgressPart const all(execution_.monitor, 0.0, 1.0);
+    // What is computed once and for all does not belong to the part of it that is asked for first.
+    bool const once = plan_.whole && out.box == box_of(plan_.output.dims);
+    std::optional<ProgressPart> share;
+    if (once)
+        share.emplace(ProgressPart::OfCall{}, execution_.monitor, 0.0, 0.95);
+    else
+        share.emplace(execution_.monitor, 0.0, 1.0);
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     if (info_.times) info_.times->voxels += out.box.voxels();
     if (out.space == execution_.space()) {

@@ -43,6 +43,20 @@ inline void tell_progress(Execution const& execution, std::int64_t begin, std::i
     if (execution.monitor != nullptr) execution.monitor->poll(item - begin, end - begin);
 }
 
+/// The same where somebody may watch: then in parts, between which is told how far it is. f must not care how its items
+/// are cut.
+template <class F> void for_each_item(Execution const& execution, int threads, std::int64_t count, F const& f) {
+    if (execution.monitor == nullptr) return for_each_item(threads, count, f);
+    for_each_item(threads, count, [&](std::int64_t begin, std::int64_t end) {
+        constexpr std::int64_t parts = 32;
+        std::int64_t const part = (end - begin + parts - 1) / parts;
+        for (std::int64_t item = begin; item < end; item += part) {
+            tell_progress(execution, begin, item, end);
+            f(item, item + part < end ? item + part : end);
+        }
+    });
+}
+
 /// Calls f(x, y, z, n) for pieces of at most segment_voxels voxels of rows that cover the box.
 template <class F> void for_each_segment(Execution const& execution, Box const& box, F const& f) {
     if (box.empty()) return;

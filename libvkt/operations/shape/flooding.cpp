@@ -47,11 +47,13 @@ template <class T, class Key> Key key_of(T value, bool descending) {
 }
 
 /// Sorts by key, equal keys staying as they are, a digit of 11 bits at a time; digits that all have alike are left out.
-template <class Entry> void radix_sort(std::vector<Entry>& entries) {
+/// between() is called before each.
+template <class Entry, class Between> void radix_sort(std::vector<Entry>& entries, Between const& between) {
     constexpr int bits = 11;
     constexpr std::size_t digits = std::size_t{1} << bits;
     std::vector<Entry> sorted(entries.size());
     for (int shift = 0; shift < 8 * static_cast<int>(sizeof(entries[0].key)); shift += bits) {
+        between();
         std::array<std::size_t, digits + 1> start{};
         for (Entry const& e : entries) ++start[((e.key >> shift) & (digits - 1)) + 1];
         if (std::find(start.begin(), start.end(), entries.size()) != start.end()) continue;
@@ -163,15 +165,17 @@ template <class T, class Key> void Flooding::rank(ConstView values, bool descend
             for (std::int64_t x = 0; x < dims_.x; ++x) {
                 std::size_t const voxel = at({x, y, z});
                 if (labels_[voxel] == outside) continue;
+                tell(entries.size(), 4 * count);
                 T const v = view(values.box.lower.x + x, values.box.lower.y + y, values.box.lower.z + z);
                 entries.push_back({key_of<T, Key>(v, descending), static_cast<std::uint32_t>(voxel)});
             }
-    radix_sort(entries);
+    radix_sort(entries, [&] { tell(0, 1); });
     std::size_t distinct = 0;
     for (std::size_t i = 0; i < entries.size(); ++i) distinct += i == 0 || entries[i].key != entries[i - 1].key ? 1 : 0;
     values_.reserve(distinct);
     Index3 const n{dims_.x + 2, dims_.y + 2, dims_.z + 2};
     for (std::size_t i = 0; i < entries.size(); ++i) {
+        tell(i, entries.size());
         Entry const& e = entries[i];
         if (i == 0 || e.key != entries[i - 1].key) {
             auto const voxel = static_cast<std::int64_t>(e.voxel);
@@ -187,8 +191,9 @@ template <class T, class Key> void Flooding::rank(ConstView values, bool descend
     for (Entry const& e : entries) order_.push_back(e.voxel);
 }
 
-Flooding::Flooding(ConstView values, bool descending, std::uint8_t const* mask, int connectivity, bool keep_order)
-    : dims_(values.dims()) {
+Flooding::Flooding(ConstView values, bool descending, std::uint8_t const* mask, int connectivity, bool keep_order,
+                   ProgressMonitor* monitor)
+    : dims_(values.dims()), monitor_(monitor) {
     std::vector<std::array<int, 4>> neighbours; // distance, then z, y, x
     for (int dz = -1; dz <= 1; ++dz)
         for (int dy = -1; dy <= 1; ++dy)
@@ -233,7 +238,9 @@ std::int64_t Flooding::mark_minima(double depth) {
     auto const step_to = [](std::uint32_t v, std::int64_t step) {
         return static_cast<std::uint32_t>(static_cast<std::int64_t>(v) + step);
     };
+    std::size_t done = 0;
     for (std::uint32_t const v : order_) {
+        tell(done++, order_.size());
         std::uint32_t basin = v;
         parent[v] = v;
         for (std::int64_t const step : steps_) {
@@ -275,14 +282,14 @@ std::int64_t Flooding::mark_minima(double depth) {
     return static_cast<std::int64_t>(kept.size());
 }
 
-Flooding::Result Flooding::flood(bool line, ProgressMonitor* monitor) {
+Flooding::Result Flooding::flood(bool line) {
     order_ = {};
     std::sort(markers_.begin(), markers_.end());
     Queues queues(values_.size(), labels_.size());
     for (std::uint32_t const v : markers_) queues.push(ranks_[v], v);
-    std::int64_t const all = dims_.x * dims_.y * dims_.z;
-    for (std::int64_t done = 0; !queues.empty(); ++done) {
-        if (monitor != nullptr && done % 65536 == 0) monitor->poll(done, all);
+    auto const all = static_cast<std::size_t>(dims_.x * dims_.y * dims_.z);
+    for (std::size_t done = 0; !queues.empty(); ++done) {
+        tell(done, all);
         std::uint32_t const v = queues.pop();
         if (line && labels_[v] == 0) {
             std::uint32_t found = 0;

@@ -27,8 +27,10 @@ public:
     static bool can(Index3 dims);
 
     /// -0 is 0; NaN is above all numbers. `descending` turns the order of numbers around. Where `mask` is not null,
-    /// only voxels whose byte is not 0 take part.
-    Flooding(ConstView values, bool descending, std::uint8_t const* mask, int connectivity, bool keep_order);
+    /// only voxels whose byte is not 0 take part. The monitor, if there is one, is told of everything; after it
+    /// cancelled only destroying makes sense.
+    Flooding(ConstView values, bool descending, std::uint8_t const* mask, int connectivity, bool keep_order,
+             ProgressMonitor* monitor = nullptr);
 
     /// Labels a voxel: a marker. False if the voxel does not take part.
     bool mark(Index3 voxel, std::uint32_t label);
@@ -39,9 +41,7 @@ public:
     /// Floods from the markers: always the voxel of the lowest value that has a labelled neighbour, of equal ones that
     /// which got one first; neighbours in the order of their distance, then of x, y, z. With `line`, voxels between
     /// different labels stay 0, and are not flooded from.
-    /// The monitor, if there is one, is told how many voxels were flooded; after it cancelled only destroying makes
-    /// sense.
-    Result flood(bool line, ProgressMonitor* monitor = nullptr);
+    Result flood(bool line);
     std::uint32_t highest_label() const { return highest_; }
     /// The label of a voxel; 0 if it has none.
     std::uint32_t label(Index3 voxel) const {
@@ -55,7 +55,13 @@ private:
     }
     template <class T, class Key> void rank(ConstView values, bool descending, bool keep_order);
 
+    void tell(std::size_t done, std::size_t of) const {
+        if (monitor_ != nullptr && done % 65536 == 0)
+            monitor_->poll(static_cast<std::int64_t>(done), static_cast<std::int64_t>(of));
+    }
+
     Index3 dims_;
+    ProgressMonitor* monitor_ = nullptr;
     std::vector<std::int64_t> steps_;   ///< to the neighbours
     std::vector<std::uint32_t> ranks_;  ///< of voxels
     std::vector<std::uint32_t> labels_; ///< 0: none yet

@@ -3,6 +3,7 @@
 #include "libvkt/operations/shape/mesh.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
 
@@ -184,6 +185,7 @@ std::vector<Remark> MakeMesh::remarks() const {
 }
 
 Report MakeMesh::row_of(Mesh const& mesh) const {
+    if (execution_.monitor != nullptr) execution_.monitor->poll(0, 1);
     MeshMeasures const measures = measure_mesh(mesh, execution_);
     std::int64_t edges = mesh.triangle_count() * 3 / 2, ends = 0;
     if (open) {

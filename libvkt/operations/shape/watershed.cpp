@@ -192,13 +192,18 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
         values = to;
     }
     bool const descending = on == Relief::distance || (on == Relief::value && header.values.slope < 0);
-    Flooding flooding(values, descending, part.empty() ? nullptr : part.data(), connectivity, !markers);
+    std::optional<ProgressPart> share(std::in_place, execution.monitor, 0.0, 0.3);
+    Flooding flooding(values, descending, part.empty() ? nullptr : part.data(), connectivity, !markers,
+                      execution.monitor);
     relief = {};
+    share.emplace(execution.monitor, 0.3, 0.3);
     if (markers)
         mark(flooding, inputs[1]);
     else
         flooding.mark_minima(on == Relief::value ? depth / std::abs(header.values.slope) : depth);
-    result_ = flooding.flood(line, execution.monitor);
+    share.emplace(execution.monitor, 0.6, 0.35);
+    result_ = flooding.flood(line);
+    share.reset();
     View<std::uint32_t> const labels = out.as<std::uint32_t>();
     Index3 const origin = out.box.lower, n = out.dims();
     std::uint32_t const highest = flooding.highest_label();

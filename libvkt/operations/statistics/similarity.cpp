@@ -67,6 +67,7 @@ template <class F> void for_each_row(Source& a, Source& b, Execution const& exec
     auto const n = static_cast<std::size_t>(header.dims.x);
     std::vector<double> row_a(n), row_b(n);
     for_each_piece(box_of(header.dims), cut_of(header, 0, execution), [&](Box const& box) {
+        ProgressPart const share = part_of(execution.monitor, box_of(header.dims), box);
         ConstView const view_a = voxels_of(a, box, buffer_a), view_b = voxels_of(b, box, buffer_b);
         for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
             for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
@@ -136,11 +137,14 @@ double structural_similarity(Source& a, Source& b, double range, Execution const
     load_block(a, {inner.lower, inner.lower + Index3{1, 1, 1}}, 0, buffer_a, values_a);
     double const offset = values_a.front();
     long double total = 0;
+    std::int64_t done = 0;
     for (std::int64_t z = inner.lower.z; z < inner.upper.z; z += block.z)
         for (std::int64_t y = inner.lower.y; y < inner.upper.y; y += block.y)
             for (std::int64_t x = inner.lower.x; x < inner.upper.x; x += block.x) {
                 Index3 const lower{x, y, z};
                 Box const part = intersect({lower, lower + block}, inner);
+                ProgressPart const share(execution.monitor, done, part.voxels(), inner.voxels());
+                done += part.voxels();
                 Index3 const dims = part.dims();
                 load_block(a, grow(part, radius), offset, buffer_a, values_a);
                 load_block(b, grow(part, radius), offset, buffer_b, values_b);

@@ -88,7 +88,7 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
     Buffer memory(static_cast<std::size_t>(slice * slices) * sizeof(S));
     S* const planes = reinterpret_cast<S*>(memory.write(Space::host));
     int const threads = threads_for(execution, out.voxels());
-    for_each_item(static_cast<int>(std::min<std::int64_t>(threads, slices)), slices,
+    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads, slices)), slices,
                   [&](std::int64_t first, std::int64_t last) {
                       std::vector<S> line(static_cast<std::size_t>(n.x + 2 * radius.x)),
                           lines(static_cast<std::size_t>(rows * n.x)),
@@ -112,7 +112,7 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
                       }
                   });
     std::int64_t const columns = window_columns(w.z, n.x, sizeof(S)), pieces = (n.x + columns - 1) / columns;
-    for_each_item(static_cast<int>(std::min<std::int64_t>(threads, pieces * n.y)), pieces * n.y,
+    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads, pieces * n.y)), pieces * n.y,
                   [&](std::int64_t first, std::int64_t last) {
                       std::vector<S> scratch(static_cast<std::size_t>((w.z + 2) * columns));
                       S* const result = scratch.data() + (w.z + 1) * columns;
@@ -229,7 +229,7 @@ template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius
     auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
     Index3 const tiles{parts(n.x, tile.x), parts(n.y, tile.y), parts(n.z, tile.z)};
     std::int64_t const count = tiles.x * tiles.y * tiles.z;
-    for_each_item(static_cast<int>(std::min<std::int64_t>(std::max(1, execution.threads), count)), count,
+    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(std::max(1, execution.threads), count)), count,
                   [&](std::int64_t first, std::int64_t last) {
                       BallTile<Op, K> ball(in, out, radius);
                       for (std::int64_t t = first; t < last; ++t) {

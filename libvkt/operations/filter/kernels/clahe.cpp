@@ -178,7 +178,7 @@ void map_all(ConstView in, AnyView out, ClaheField const& field, Buffer& curves,
                        end = (y.at(static_cast<double>(box.upper.y - 1)).second + 1) * row;
     int const threads = threads_for(execution, box.voxels());
     bool const by_slices = n.z >= threads;
-    for_each_item(by_slices ? threads : 1, n.z, [&](std::int64_t first_slice, std::int64_t end_slice) {
+    for_each_item(execution, by_slices ? threads : 1, n.z, [&](std::int64_t first_slice, std::int64_t end_slice) {
         SliceCurves<C> slice(field, all);
         for (std::int64_t s = first_slice; s < end_slice; ++s) {
             slice.blend_at(z.at(static_cast<double>(box.lower.z + s)), begin, end);

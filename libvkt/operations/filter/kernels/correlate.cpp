@@ -208,7 +208,7 @@ void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses&
     tile.z = std::max(tile.z, parts(n.z * across * along, 4 * std::max(1, execution.threads)));
     std::int64_t const count = across * along * parts(n.z, tile.z);
     auto const work = static_cast<std::int64_t>(static_cast<double>(out.box.voxels()) * sum.cost());
-    for_each_item(static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), count)), count,
+    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), count)), count,
                   [&](std::int64_t first, std::int64_t last) {
                       TermTile<C> terms(in, out, sum);
                       Losses mine;

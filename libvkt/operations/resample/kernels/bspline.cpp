@@ -66,7 +66,7 @@ void coefficients(ConstView in, AnyView out, Box const& box, Box const& source, 
     Index3 const from = source.dims(), n = box.dims();
     std::int64_t const strips = (from.x + strip - 1) / strip;
     Line const along_x(filter, 0), along_y(filter, 1), along_z(filter, 2);
-    for_each_item(threads, strips * from.y, [&](std::int64_t begin, std::int64_t end) {
+    for_each_item(execution, threads, strips * from.y, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
         for (std::int64_t item = begin; item < end; ++item) {
             std::int64_t const y = source.lower.y + item / strips, x = source.lower.x + item % strips * strip;
@@ -77,7 +77,7 @@ void coefficients(ConstView in, AnyView out, Box const& box, Box const& source, 
                 [&](std::int64_t z) { return &to(x, y, z); });
         }
     });
-    for_each_item(threads, n.z, [&](std::int64_t begin, std::int64_t end) {
+    for_each_item(execution, threads, n.z, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
         for (std::int64_t z = box.lower.z + begin; z < box.lower.z + end; ++z) {
             for (std::int64_t x = source.lower.x; x < source.upper.x; x += strip) {

@@ -21,14 +21,15 @@ void for_each_piece(Execution const& execution, Box const& box, std::int64_t len
     if (box.empty()) return;
     Index3 const n = box.dims();
     std::int64_t const pieces = (n.x + length - 1) / length;
-    for_each_item(threads_for(execution, work), pieces * n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
-        auto f = maker();
-        for (std::int64_t item = begin; item < end; ++item) {
-            std::int64_t const x0 = box.lower.x + item % pieces * length;
-            f(x0, std::min(x0 + length, box.upper.x), box.lower.y + item / pieces % n.y,
-              box.lower.z + item / pieces / n.y);
-        }
-    });
+    for_each_item(execution, threads_for(execution, work), pieces * n.y * n.z,
+                  [&](std::int64_t begin, std::int64_t end) {
+                      auto f = maker();
+                      for (std::int64_t item = begin; item < end; ++item) {
+                          std::int64_t const x0 = box.lower.x + item % pieces * length;
+                          f(x0, std::min(x0 + length, box.upper.x), box.lower.y + item / pieces % n.y,
+                            box.lower.z + item / pieces / n.y);
+                      }
+                  });
 }
 
 template <class U>

@@ -46,7 +46,7 @@ void pack_row(T const* row, std::int64_t n, std::int64_t shift, F const f, Word*
 template <class T, class F> void pack_rows(SurfaceSlab const& slab, F const f, Execution const& execution) {
     View<T const> const view = slab.voxels.as<T>();
     Index3 const n = slab.voxels.dims();
-    for_each_item(threads_for(execution, slab.voxels.box.voxels()), n.y * n.z,
+    for_each_item(execution, threads_for(execution, slab.voxels.box.voxels()), n.y * n.z,
                   [&](std::int64_t begin, std::int64_t end) {
                       for (std::int64_t r = begin; r < end; ++r) {
                           std::int64_t const y = r % n.y, z = r / n.y;
@@ -282,32 +282,34 @@ void surface_bits(SurfaceSlab const& slab, Inside const& inside, Execution const
 
 void surface_count(SurfaceSlab const& slab, Execution const& execution) {
     std::int64_t const ny = slab.lattice.y, count = ny * (slab.lattice.z - 1);
-    for_each_item(threads_for(execution, count * slab.lattice.x), count, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t r = begin; r < end; ++r) {
-            std::int64_t const y = r % ny, s = r / ny + 1;
-            Row const here = row_of(slab, y, s), before = row_of(slab, y, s - 1);
-            SurfaceRow& row = slab.rows[s * ny + y];
-            row = {};
-            for (std::int64_t w = 0; w < slab.words; ++w) {
-                row.before += static_cast<std::uint32_t>(ones(here.here(w) ^ before.here(w)));
-                row.along += static_cast<std::uint32_t>(ones((here.here(w) ^ here.right(w)) & edges_along(slab, w)));
+    for_each_item(
+        execution, threads_for(execution, count * slab.lattice.x), count, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t r = begin; r < end; ++r) {
+                std::int64_t const y = r % ny, s = r / ny + 1;
+                Row const here = row_of(slab, y, s), before = row_of(slab, y, s - 1);
+                SurfaceRow& row = slab.rows[s * ny + y];
+                row = {};
+                for (std::int64_t w = 0; w < slab.words; ++w) {
+                    row.before += static_cast<std::uint32_t>(ones(here.here(w) ^ before.here(w)));
+                    row.along +=
+                        static_cast<std::uint32_t>(ones((here.here(w) ^ here.right(w)) & edges_along(slab, w)));
+                }
+                if (y + 1 < ny) {
+                    Row const below = row_of(slab, y + 1, s);
+                    for (std::int64_t w = 0; w < slab.words; ++w)
+                        row.next += static_cast<std::uint32_t>(ones(here.here(w) ^ below.here(w)));
+                }
+                if (!has_cells(slab, y, s)) continue;
+                Cells const cells = cells_of(slab, y, s);
+                for (std::int64_t w = 0; w < slab.words; ++w) {
+                    Word active = cells.active(slab, w);
+                    if (active == 0) continue;
+                    Corners const corners(cells, w);
+                    for (; active != 0; active &= active - 1)
+                        row.triangles += slab.cases->count[corners.case_of(__builtin_ctzll(active))];
+                }
             }
-            if (y + 1 < ny) {
-                Row const below = row_of(slab, y + 1, s);
-                for (std::int64_t w = 0; w < slab.words; ++w)
-                    row.next += static_cast<std::uint32_t>(ones(here.here(w) ^ below.here(w)));
-            }
-            if (!has_cells(slab, y, s)) continue;
-            Cells const cells = cells_of(slab, y, s);
-            for (std::int64_t w = 0; w < slab.words; ++w) {
-                Word active = cells.active(slab, w);
-                if (active == 0) continue;
-                Corners const corners(cells, w);
-                for (; active != 0; active &= active - 1)
-                    row.triangles += slab.cases->count[corners.case_of(__builtin_ctzll(active))];
-            }
-        }
-    });
+        });
 }
 
 void surface_emit(SurfaceSlab const& slab, Inside const& inside, Execution const& execution) {
@@ -315,13 +317,14 @@ void surface_emit(SurfaceSlab const& slab, Inside const& inside, Execution const
     std::int64_t const ny = slab.lattice.y, count = ny * (slab.lattice.z - 1);
     with_type(any.type, [&]<class T>(T) {
         Places<T> const places(slab, inside);
-        for_each_item(threads_for(execution, count * slab.lattice.x), count, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t r = begin; r < end; ++r) {
-                std::int64_t const y = r % ny, s = r / ny + 1;
-                emit_vertices(places, y, s);
-                if (has_cells(slab, y, s)) emit_triangles(slab, y, s);
-            }
-        });
+        for_each_item(execution, threads_for(execution, count * slab.lattice.x), count,
+                      [&](std::int64_t begin, std::int64_t end) {
+                          for (std::int64_t r = begin; r < end; ++r) {
+                              std::int64_t const y = r % ny, s = r / ny + 1;
+                              emit_vertices(places, y, s);
+                              if (has_cells(slab, y, s)) emit_triangles(slab, y, s);
+                          }
+                      });
     });
 }
 

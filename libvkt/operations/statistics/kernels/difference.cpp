@@ -164,10 +164,11 @@ RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) 
 void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const& execution) {
     Box const box = pair.a.box;
     std::int64_t const ny = box.dims().y;
-    for_each_item(threads_for(execution, box.voxels()), ny * box.dims().z, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t r = begin; r < end; ++r)
-            rows[r] = compare_row(pair, box.lower.y + r % ny, box.lower.z + r / ny);
-    });
+    for_each_item(execution, threads_for(execution, box.voxels()), ny * box.dims().z,
+                  [&](std::int64_t begin, std::int64_t end) {
+                      for (std::int64_t r = begin; r < end; ++r)
+                          rows[r] = compare_row(pair, box.lower.y + r % ny, box.lower.z + r / ny);
+                  });
 }
 
 } // namespace VKT_BACKEND

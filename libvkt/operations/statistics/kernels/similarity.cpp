@@ -86,11 +86,11 @@ double index_sum(WindowedPair const& p, std::int64_t y, std::int64_t z, std::vec
 void similarity_rows(WindowedPair const& pair, double* rows, Execution const& execution) {
     Index3 const n = pair.inner;
     int const threads = threads_for(execution, box_of(n).voxels());
-    for_each_item(threads, n.z + 2 * pair.radius.z, [&](std::int64_t begin, std::int64_t end) {
+    for_each_item(execution, threads, n.z + 2 * pair.radius.z, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
         for (std::int64_t z = begin; z < end; ++z) filter_plane(pair, z, scratch);
     });
-    for_each_item(threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
+    for_each_item(execution, threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
         for (std::int64_t r = begin; r < end; ++r) rows[r] = index_sum(pair, r % n.y, r / n.y, scratch);
     });

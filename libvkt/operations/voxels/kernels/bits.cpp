@@ -87,7 +87,7 @@ void pack_bits(ConstView in, BitRule rule, std::optional<double> zero, std::uint
         if (threads == 1)
             pack(0, n.y * n.z);
         else
-            for_each_item(threads, n.y * n.z, pack);
+            for_each_item(execution, threads, n.y * n.z, pack);
     });
 }
 

@@ -79,7 +79,7 @@ void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, E
         U const* const first = p.from + i * p.step[0] + k * p.step[static_cast<std::size_t>(other)];
         return Tile<U>{i, j, k, std::min(rows, dims.x - i), nj, back ? first - (j + nj - 1) : first + j};
     };
-    for_each_item(threads_for(execution, dims.x * dims.y * dims.z), across * down * dims[other],
+    for_each_item(execution, threads_for(execution, dims.x * dims.y * dims.z), across * down * dims[other],
                   [&](std::int64_t begin, std::int64_t end) {
                       alignas(64) U buffer[rows * columns];
                       for (std::int64_t item = begin; item < end; ++item) {

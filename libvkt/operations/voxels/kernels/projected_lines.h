@@ -36,14 +36,16 @@ void for_each_lines(ProjectionState const& state, ConstView in, std::int64_t mos
         most = std::clamp<std::int64_t>((dims.x / shares + 63) / 64 * 64, 64, most);
     }
     std::int64_t const pieces = (dims[a] + most - 1) / most;
-    for_each_item(threads_for(execution, in.box.voxels()), pieces * dims[d], [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t item = begin; item < end; ++item) {
-            std::int64_t const x = item % pieces * most, y = item / pieces;
-            auto const at = static_cast<std::size_t>((in.box.lower[d] + y) * state.row() + in.box.lower[a] + x);
-            f(Lines<T>{reinterpret_cast<T const*>(in.data) + x * stride[across] + y * stride[down], stride[across],
-                       stride[axis], dims[state.axis], at, std::min(most, dims[a] - x)});
-        }
-    });
+    for_each_item(execution, threads_for(execution, in.box.voxels()), pieces * dims[d],
+                  [&](std::int64_t begin, std::int64_t end) {
+                      for (std::int64_t item = begin; item < end; ++item) {
+                          std::int64_t const x = item % pieces * most, y = item / pieces;
+                          auto const at =
+                              static_cast<std::size_t>((in.box.lower[d] + y) * state.row() + in.box.lower[a] + x);
+                          f(Lines<T>{reinterpret_cast<T const*>(in.data) + x * stride[across] + y * stride[down],
+                                     stride[across], stride[axis], dims[state.axis], at, std::min(most, dims[a] - x)});
+                      }
+                  });
 }
 
 /// As many values as fit into a register.

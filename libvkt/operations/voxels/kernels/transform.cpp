@@ -220,7 +220,7 @@ void run(TransformTask const& task, std::span<ConstView const> in, AnyView out, 
     Box const box = one_row ? driver::as_one_row(out.box) : out.box;
     Index3 const dims = box.dims();
     std::int64_t const pieces = (dims.x + program_piece - 1) / program_piece;
-    for_each_item(threads_for(execution, box.voxels()), pieces * dims.y * dims.z,
+    for_each_item(execution, threads_for(execution, box.voxels()), pieces * dims.y * dims.z,
                   [&](std::int64_t begin, std::int64_t end) {
                       auto const thread = static_cast<std::size_t>(omp_get_thread_num());
                       Machine<C> machine(task, in, out, task.workspace + thread * task.workspace_bytes);
