@@ -37,12 +37,14 @@ void ProgressMonitor::poll(std::int64_t done, std::int64_t of) {
 
 ProgressPart::ProgressPart(ProgressMonitor* monitor, double done, double step)
     : monitor_(monitor != nullptr && monitor->called_by_owner() ? monitor : nullptr) {
+    if (monitor_ != nullptr) {
+        from_ = monitor_->from_;
+        to_ = monitor_->to_;
+        monitor_->from_ = from_ + (to_ - from_) * done;
+        monitor_->to_ = from_ + (to_ - from_) * (done + step);
+    }
+    // After which the beginning of this part is what is told; who is ended by that asks nothing any more.
     if (monitor != nullptr) monitor->poll(0, 1);
-    if (monitor_ == nullptr) return;
-    from_ = monitor_->from_;
-    to_ = monitor_->to_;
-    monitor_->from_ = from_ + (to_ - from_) * done;
-    monitor_->to_ = from_ + (to_ - from_) * (done + step);
 }
 
 ProgressPart::ProgressPart(ProgressMonitor* monitor, std::int64_t done, std::int64_t step, std::int64_t of)

@@ -127,6 +127,12 @@ static int all_calls(char const* path, struct watch* w, vkt_status want) {
     vkt_free_text(json);
     json = NULL;
     WATCHED(vkt_measure(WORDS("histogram", "--bins", "16"), (vkt_volume const*[]){volume}, 1, &json));
+    char* others = NULL;
+    WATCHED(vkt_measure(WORDS("diff", "--ssim"), (vkt_volume const*[]){volume, volume}, 2, &others));
+    vkt_free_text(others);
+    others = NULL;
+    WATCHED(vkt_measure(WORDS("diff", "--mutual-information"), (vkt_volume const*[]){volume, volume}, 2, &others));
+    vkt_free_text(others);
     WATCHED(vkt_transform(volume, plus_one, NULL, NULL, 0, &result));
     WATCHED(vkt_render(volume, WORDS("--size", "64"), &picture));
     MUST((want == VKT_OK) == (read != NULL) && (want == VKT_OK) == (json != NULL));
