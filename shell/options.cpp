@@ -3,6 +3,7 @@
 #include "shell/options.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/formats/request.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -188,6 +189,19 @@ void set(Parameter& p, std::vector<std::string> const& words, Line const& line) 
     }
 }
 
+/// What describes a file is an option of the command that reads or writes it: how it is said there.
+std::string at_files(std::string const& option, Line const& line) {
+    Parameters reading, writing;
+    ReadRequest().declare(reading);
+    WriteRequest().declare(writing);
+    auto const has = [&](Parameters& list) {
+        return std::ranges::any_of(list.all(), [&](Parameter const& p) { return "--" + p.name == option; });
+    };
+    if (has(reading)) return text("vkt read takes it: vkt read FILE ", option, " … | vkt ", line.command, " …");
+    if (has(writing)) return text("vkt write takes it: vkt ", line.command, " … | vkt write FILE ", option, " …");
+    return {};
+}
+
 /// Turns CLI11's complaint about surplus words into ours.
 [[noreturn]] void unknown_word(std::string const& raw, Line const& line) {
     auto const& lists = line.lists;
@@ -205,8 +219,10 @@ void set(Parameter& p, std::vector<std::string> const& words, Line const& line) 
                     "every command treats each of several volumes by itself; see vkt(7)");
     std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
     std::string const help = text("see 'vkt ", line.command, " --help'");
+    std::string const elsewhere = at_files(bare, line);
     throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
-                !near.empty()                   ? text("did you mean '", near, "'?")
+                !elsewhere.empty()              ? elsewhere
+                : !near.empty()                 ? text("did you mean '", near, "'?")
                 : bare.compare(0, 2, "--") == 0 ? help
                                                 : text(help, "; arguments that begin with - stand behind --"));
 }

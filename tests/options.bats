@@ -350,3 +350,17 @@ END
         [[ $stderr == *GPU* || $stderr == *CUDA* ]]
     fi
 }
+
+@test "IN OUT is IN -o OUT where a file becomes a file; an option of reading or writing is said where it is taken" {
+    vkt make ramp --dims 4 3 2 --dtype uint8 -o r.nrrd
+    vkt edit r.nrrd e.nrrd --units HU
+    vkt info e.nrrd --json | grep -q '"units": "HU"'
+    vkt set r.nrrd --attribute space=LPS | vkt reorient --to RAS - ras.nrrd
+    vkt diff ras.nrrd <(vkt set r.nrrd --attribute space=LPS | vkt permute --to RAS) --geometry
+    vkt reorient zyx r.nrrd turned.nrrd
+    vkt diff turned.nrrd <(vkt permute zyx r.nrrd)
+    fails_with 2 "vkt read takes it: vkt read FILE --variable … | vkt convert" vkt convert r.nrrd --variable a
+    fails_with 2 "vkt read takes it: vkt read FILE --force-uniform … | vkt stats" vkt stats r.nrrd --force-uniform
+    fails_with 2 "vkt write takes it: vkt filter gaussian … | vkt write FILE --pyramid" vkt filter gaussian r.nrrd --sigma 1 --pyramid
+    fails_with 2 "see 'vkt stats --help'" vkt stats r.nrrd --unheard-of
+}
