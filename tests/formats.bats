@@ -356,6 +356,28 @@ a = numpy.fromfile("many.raw", "u1").reshape(16, 64, 64, 3)[2:5, 5:7, 3:9, 1]
 assert a.tobytes() == open("part.raw", "rb").read()'
 }
 
+@test "NIfTI: units that differ between axes become millimetres; a frame that nobody named is said" {
+    python_with nibabel
+    { printf 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nspace: right-anterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0.5,1)\nspace units: "mm" "um" "cm"\nspace origin: (1,2,3)\nencoding: raw\n\n'; head -c 24 /dev/zero; } >mixed.nrrd
+    vkt convert mixed.nrrd mixed.nii
+    /usr/bin/python3 -c '
+import nibabel, numpy
+image = nibabel.load("mixed.nii")
+want = [[1, 0, 0, 1], [0, 1e-3, 5e-4, 2e-3], [0, 0, 10, 30], [0, 0, 0, 1]]
+assert numpy.allclose(image.affine, want, atol=1e-6), image.affine
+assert image.header.get_xyzt_units()[0] == "mm"'
+    vkt diff mixed.nii mixed.nrrd --geometry # whoever reads ours finds what was written
+    vkt make ramp --dims 4 3 2 -o plain.nrrd
+    vkt convert plain.nrrd plain.nii 2>said
+    [ ! -s said ] # it lies where every frame has it
+    vkt set plain.nrrd --origin 5,6,7 -o moved.nrrd
+    vkt convert moved.nrrd moved.nii 2>said
+    grep -q "does not say what its axes mean, and those of NIfTI are right-anterior-superior" said
+    vkt edit moved.nrrd --attribute space=LPS | vkt write - lps.nii 2>said
+    [ ! -s said ]
+    /usr/bin/python3 -c 'import nibabel; assert (nibabel.load("lps.nii").affine[:3, 3] == [-5, -6, 7]).all()'
+}
+
 @test "attributes that differ between the volumes of one file are not those of the first" {
     for i in 1 2 3; do
         vkt make constant --dims 4 3 2 --value $i -o $i.nrrd

@@ -31,6 +31,7 @@ struct HeaderFormat {
     bool states_compressed_size;
     std::string (*type_name)(DataType); ///< empty for types that the format does not have
     std::string (*text)(HeaderText const&);
+    bool private_values = false; ///< the map of values is kept in a place that only vkt reads
 };
 
 /// Volumes of one lattice become one file, of which NAME.gz is compressed as a whole, the header behind a block of

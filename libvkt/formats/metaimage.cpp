@@ -196,8 +196,9 @@ std::string metaimage_text(HeaderText const& h) {
 }
 
 std::unique_ptr<Sink> create_metaimage(std::string const& path, WriteOptions const& options) {
-    HeaderFormat format{"MetaImage",         ".mha",        ".mhd", ".raw", ".zraw", DeflateWriter::Wrapper::zlib, true,
-                        metaimage_type_name, metaimage_text};
+    HeaderFormat format{
+        "MetaImage",         ".mha",         ".mhd", ".raw", ".zraw", DeflateWriter::Wrapper::zlib, true,
+        metaimage_type_name, metaimage_text, true};
     return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
 }
 

@@ -339,7 +339,7 @@ std::string mrc_bytes(HeaderText const& h) {
 }
 
 std::unique_ptr<Sink> create_mrc(std::string const& path, WriteOptions const& options) {
-    HeaderFormat format{"MRC", ".mrc", "", "", "", DeflateWriter::Wrapper::gzip, false, mrc_type_name, mrc_bytes};
+    HeaderFormat format{"MRC", ".mrc", "", "", "", DeflateWriter::Wrapper::gzip, false, mrc_type_name, mrc_bytes, true};
     return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
 }
 

@@ -2,6 +2,7 @@
 // where they lie, streams in order, and damaged headers refused: all of which voxels behind a header have already.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/analyze.h"
@@ -78,6 +79,12 @@ public:
         : HeaderAndVoxelsWriter(std::move(format), path, options), options_(options), sidecar_(sidecar_of(target())) {}
 
     void begin(Header const& header) override {
+        Geometry const plain, &g = header.geometry;
+        bool const placed = !(g.origin == plain.origin) || g.direction != plain.direction;
+        if (frame_of(header).empty() && placed && !std::exchange(told_, true) && options_.notice)
+            options_.notice(
+                "the volume does not say what its axes mean, and those of NIfTI are right-anterior-superior: "
+                "taken as they are (vkt edit --attribute space=LPS says it)");
         Header own = header;
         auto const found = own.attributes.find("sidecar");
         if (found == own.attributes.end() || sidecar_.empty()) return HeaderAndVoxelsWriter::begin(own);
@@ -99,6 +106,7 @@ private:
     WriteOptions options_;
     std::string sidecar_; ///< empty: there is no name for one
     std::optional<OutputFile> file_;
+    bool told_ = false;
 };
 
 std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {

@@ -393,6 +393,30 @@ std::int64_t unit_code(Header const& header, std::string const& attribute, std::
     return 0;
 }
 
+/// Where the axes of the world have units that differ, or that NIfTI does not know, everything in millimetres.
+Header in_one_unit(Header header) {
+    constexpr std::pair<std::string_view, double> millimetres[] = {
+        {"\"m\"", 1000}, {"\"cm\"", 10}, {"\"mm\"", 1}, {"\"um\"", 1e-3}, {"\"nm\"", 1e-6}};
+    auto const found = header.attributes.find("space units");
+    auto const entries = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    if (!entries || entries->size() != 3 || unit_code(header, "space units", space_bits) != 0) return header;
+    Vec3 factor;
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const known = std::find_if(std::begin(millimetres), std::end(millimetres), [&](auto const& unit) {
+            return unit.first == (*entries)[static_cast<std::size_t>(axis)];
+        });
+        if (known == std::end(millimetres)) return header;
+        factor[axis] = known->second;
+    }
+    Geometry& g = header.geometry;
+    auto const scaled = [&](Vec3 v) { return Vec3{v.x * factor.x, v.y * factor.y, v.z * factor.z}; };
+    for (int axis = 0; axis < 3; ++axis)
+        set_axis(g, axis, scaled(g.direction[static_cast<std::size_t>(axis)] * g.spacing[axis]), "the spacing");
+    g.origin = scaled(g.origin);
+    found->second = "\"mm\" \"mm\" \"mm\"";
+    return header;
+}
+
 void put_place(NiftiFields& f, Header const& header) {
     Geometry const g = geometry_in(ras_frame, header);
     for (int axis = 0; axis < 3; ++axis) {
@@ -445,7 +469,8 @@ void find_image(RawLayout& layout, std::string const& header_name, bool trust_pa
 
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }
 
-NiftiFields nifti_fields(Header const& header, std::int64_t volumes) {
+NiftiFields nifti_fields(Header const& volume, std::int64_t volumes) {
+    Header const header = in_one_unit(volume);
     NiftiFields f;
     double const intent = number_of(header, "intent_code").value_or(0);
     bool const vectors = volumes > 1 && !number_of(header, "sequence step") &&

@@ -237,8 +237,8 @@ std::string segmentation_text(Header const& header, bool gzip) { return whole_he
 
 std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& options) {
     if (is_segmentation_name(path)) return slab_sink(segmentation_writer(path, options, segmentation_text));
-    HeaderFormat format{"NRRD", ".nrrd",        ".nhdr",  ".raw", ".raw.gz", DeflateWriter::Wrapper::gzip,
-                        false,  nrrd_type_name, nrrd_text};
+    HeaderFormat format{"NRRD", ".nrrd",        ".nhdr",   ".raw", ".raw.gz", DeflateWriter::Wrapper::gzip,
+                        false,  nrrd_type_name, nrrd_text, true};
     return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
 }
 
