@@ -79,6 +79,83 @@ Volume bilateral(Volume const& volume, BilateralOptions const& options, CallOpti
         .applied({volume}, how);
 }
 
+Volume box_mean(Volume const& volume, BoxOptions const& options, CallOptions const& how) {
+    return Words{"filter", "box"}
+        .option("radius", options.radius)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
+namespace {
+
+Volume derivative(std::string const& name, Volume const& volume, DerivativeOptions const& options,
+                  CallOptions const& how) {
+    return Words{"filter", name}
+        .option("component", options.component)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .option("dtype", options.dtype)
+        .applied({volume}, how);
+}
+
+} // namespace
+
+Volume gradient(Volume const& volume, DerivativeOptions const& options, CallOptions const& how) {
+    return derivative("gradient", volume, options, how);
+}
+
+Volume sobel(Volume const& volume, DerivativeOptions const& options, CallOptions const& how) {
+    return derivative("sobel", volume, options, how);
+}
+
+Volume laplacian(Volume const& volume, LaplacianOptions const& options, CallOptions const& how) {
+    return Words{"filter", options.sigma ? "log" : "laplacian"}
+        .option("sigma", options.sigma)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .option("dtype", options.dtype)
+        .applied({volume}, how);
+}
+
+Volume sharpen(Volume const& volume, SharpenOptions const& options, CallOptions const& how) {
+    return Words{"filter", "sharpen"}
+        .option("sigma", options.sigma)
+        .option("amount", options.amount)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
+Volume nlmeans(Volume const& volume, NlmeansOptions const& options, CallOptions const& how) {
+    return Words{"filter", "nlmeans"}
+        .option("noise", options.noise)
+        .option("strength", options.strength)
+        .option("patch", options.patch)
+        .option("search", options.search)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
+Volume morphology(std::string const& what, Volume const& volume, MorphologyOptions const& options,
+                  CallOptions const& how) {
+    return Words{"morphology", what}
+        .option("radius", options.radius)
+        .option("shape", options.shape)
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
+Volume clahe(Volume const& volume, ClaheOptions const& options, CallOptions const& how) {
+    return Words{"clahe"}
+        .option("clip", options.clip)
+        .option("bricks", options.bricks)
+        .option("bins", std::int64_t{options.bins})
+        .applied({volume}, how);
+}
+
 Volume resample(Volume const& volume, ResampleOptions const& options, CallOptions const& how) {
     return Words{"resample"}
         .option("dims", options.dims)
@@ -101,12 +178,55 @@ Volume rotate(Volume const& volume, RotateOptions const& options, CallOptions co
         .applied({volume}, how);
 }
 
+Volume scale(Volume const& volume, ScaleOptions const& options, CallOptions const& how) {
+    return Words{"scale"}
+        .option("factor", options.factor)
+        .option("about", options.about)
+        .flag("expand", options.expand)
+        .option("method", options.method)
+        .option("background", options.background)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
+Volume affine(Volume const& volume, AffineOptions const& options, CallOptions const& how) {
+    std::vector<std::string> numbers;
+    for (double const number : options.matrix) numbers.push_back(to_text(number));
+    return Words{"affine", join(numbers, " ")}
+        .option("unit", std::string(options.voxels ? "voxel" : "world"))
+        .flag("inverse", options.inverse)
+        .flag("expand", options.expand)
+        .option("method", options.method)
+        .option("background", options.background)
+        .option("roi", options.roi)
+        .applied({volume}, how);
+}
+
 Volume flip(Volume const& volume, Axis axis, CallOptions const& how) {
     return Words{"flip", enum_name(axis)}.applied({volume}, how);
 }
 
 Volume crop(Volume const& volume, Region const& roi, CallOptions const& how) {
     return Words{"crop"}.option("roi", roi).applied({volume}, how);
+}
+
+Volume paste(Volume const& part, Volume const& into, Index3 at, CallOptions const& how) {
+    return Words{"copy", "-", "-"}.option("at", at).applied({part, into}, how);
+}
+
+Volume permute(Volume const& volume, std::string const& order, CallOptions const& how) {
+    return Words{"permute", order}.applied({volume}, how);
+}
+
+Volume slice(Volume const& volume, Axis axis, std::int64_t at, CallOptions const& how) {
+    return Words{"slice"}.option(enum_name(axis), at).applied({volume}, how);
+}
+
+Volume project(std::string const& what, Volume const& volume, ProjectOptions const& options, CallOptions const& how) {
+    return Words{"project", what}
+        .option("axis", std::string(enum_name(options.axis)))
+        .option("roi", options.roi)
+        .applied({volume}, how);
 }
 
 Volume pad(Volume const& volume, PadOptions const& options, CallOptions const& how) {
@@ -143,6 +263,37 @@ Volume distance(Volume const& volume, DistanceOptions const& options, CallOption
         .flag("signed", options.both_sides)
         .option("unit", std::string(options.voxels ? "voxel" : "world"))
         .applied({volume}, how);
+}
+
+Volume fill_holes(Volume const& volume, int connectivity, CallOptions const& how) {
+    return Words{"fill-holes"}.option("connectivity", std::int64_t{connectivity}).applied({volume}, how);
+}
+
+Volume watershed(Volume const& volume, WatershedOptions const& options, CallOptions const& how) {
+    Words words{"watershed"};
+    if (options.markers) words.option("markers", std::string("-"));
+    if (!options.markers) words.option("depth", options.depth);
+    words.option("on", options.on)
+        .option("connectivity", std::int64_t{options.connectivity})
+        .flag("line", options.line);
+    std::vector<Volume> inputs{volume};
+    if (options.markers) inputs.push_back(*options.markers);
+    return words.applied(inputs, how);
+}
+
+Volume scan(Volume const& volume, bool exclusive, CallOptions const& how) {
+    return Words{"scan"}.flag("exclusive", exclusive).applied({volume}, how);
+}
+
+Volume transform(std::string const& expression, Volume const& volume, TransformOptions const& options,
+                 CallOptions const& how) {
+    std::vector<Volume> inputs{volume};
+    inputs.insert(inputs.end(), options.others.begin(), options.others.end());
+    return Words{"transform", expression}
+        .option("boundary", options.boundary)
+        .option("roi", options.roi)
+        .option("dtype", options.dtype)
+        .applied(inputs, how);
 }
 
 Volume convert(Volume const& volume, DataType type, CallOptions const& how) {

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <gtest/gtest.h>
@@ -112,6 +113,68 @@ TEST(Functions, MasksLabelsAndDistances) {
     EXPECT_EQ(stats(label(mask, {.keep_largest = 1})).max, 1);
     EXPECT_EQ(stats(distance(mask)).max, 3);
     EXPECT_EQ(stats(distance(mask, {.both_sides = true})).min, -2);
+}
+
+TEST(Functions, DerivativesOfARampAreItsSlopes) {
+    Volume const volume = ramp({9, 9, 9});
+    EXPECT_FLOAT_EQ(at(gradient(volume, {.component = "y"}), {4, 4, 4}), 10);
+    EXPECT_FLOAT_EQ(at(sobel(volume, {.component = "z"}), {4, 4, 4}), 100);
+    EXPECT_NEAR(at(gradient(volume), {4, 4, 4}), std::sqrt(10101.0), 1e-3);
+    Volume const bowl = made({9, 9, 9}, [](auto x, auto y, auto z) { return x * x + 2 * y * y + 3 * z * z; });
+    EXPECT_FLOAT_EQ(at(laplacian(bowl), {4, 4, 4}), 12);
+    EXPECT_EQ(laplacian(bowl, {.dtype = DataType::float64}).header().dtype, DataType::float64);
+    Volume const smooth = laplacian(bowl, {.sigma = 0.5});
+    EXPECT_NEAR(at(smooth, {4, 4, 4}), 12, 0.05);
+    // Of what is linear nothing is smoothed away.
+    EXPECT_NEAR(at(sharpen(volume, {.sigma = 0.5, .amount = 3}), {4, 4, 4}), at(volume, {4, 4, 4}), 1e-2);
+}
+
+TEST(Functions, Windows) {
+    Volume const volume = ramp({9, 9, 9});
+    EXPECT_FLOAT_EQ(at(box_mean(volume, {.radius = 2}), {4, 4, 4}), 444);
+    EXPECT_EQ(at(morphology("dilate", volume, {.radius = {1, 0, 0}, .shape = "box"}), {4, 4, 4}), 445);
+    EXPECT_EQ(at(morphology("erode", volume, {.radius = 1}), {4, 4, 4}), 344);
+    Volume const flat = made({20, 20, 20}, [](auto, auto, auto) { return 7; });
+    EXPECT_EQ(at(nlmeans(flat, {.noise = 1}), {5, 6, 7}), 7);
+    Volume const equal = clahe(volume, {.clip = 3, .bricks = {2, 2, 2}, .bins = 64});
+    EXPECT_EQ(equal.header().dims, volume.header().dims);
+}
+
+TEST(Functions, MovesAndParts) {
+    Volume const volume = ramp({6, 5, 4});
+    EXPECT_EQ(at(permute(volume, "zyx"), {3, 2, 1}), 321);
+    EXPECT_EQ(permute(volume, "zyx").header().dims, (Index3{4, 5, 6}));
+    Volume const cut = slice(volume, Axis::y, -1);
+    EXPECT_EQ(cut.header().dims.x * cut.header().dims.y * cut.header().dims.z, 24);
+    EXPECT_EQ(at(project("max", volume, {.axis = Axis::x}), {0, 0, 0}), 5);
+    EXPECT_EQ(at(paste(crop(volume, "0:1,0:1,3:4"), volume, {5, 4, 0}), {5, 4, 0}), 300);
+    EXPECT_TRUE(same(affine(volume, {}), volume));
+    Volume const moved = affine(volume, {.matrix = {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0}, .voxels = true});
+    EXPECT_EQ(at(moved, {2, 1, 1}), 113);
+    EXPECT_FLOAT_EQ(at(scale(ramp({9, 9, 9}), {.factor = 2, .method = "linear"}), {6, 4, 4}), 445);
+}
+
+TEST(Functions, FloodsSumsAndExpressions) {
+    Volume const volume = ramp({6, 5, 4});
+    Volume const ones = made({3, 3, 3}, [](auto, auto, auto) { return 1; });
+    EXPECT_EQ(stats(scan(ones)).max, 27);
+    EXPECT_EQ(stats(scan(ones, true)).max, 8);
+    EXPECT_EQ(at(transform("v * 2 + a", volume, {.others = {volume}}), {1, 2, 3}), 963);
+    EXPECT_EQ(at(transform("v[1,0,0]", volume, {.boundary = {{Boundary::border, -4}}}), {5, 0, 0}), -4);
+    EXPECT_EQ(transform("v > 3", volume, {.dtype = DataType::uint8}).header().dtype, DataType::uint8);
+    Volume const shell =
+        convert(made({7, 7, 7},
+                     [](auto x, auto y, auto z) {
+                         auto const far = std::max({std::abs(x - 3), std::abs(y - 3), std::abs(z - 3)});
+                         return far == 2;
+                     }),
+                DataType::uint8);
+    EXPECT_EQ(stats(fill_holes(shell)).sum, 125);
+    Volume const valley = made({9, 3, 3}, [](auto x, auto, auto) { return x == 4 ? 9 : 0; });
+    EXPECT_EQ(stats(watershed(valley)).max, 2);
+    Volume const markers =
+        convert(made({9, 3, 3}, [](auto x, auto y, auto z) { return x + y + z == 0 ? 5 : 0; }), DataType::uint8);
+    EXPECT_EQ(stats(watershed(valley, {.markers = markers})).min, 5);
 }
 
 TEST(Functions, Arithmetic) {
