@@ -276,10 +276,10 @@ class Volume:
         """vkt.transform() of this volume."""
         return _operations.transformed(self, what, others, options)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self, stored: bool = False) -> Any:
         """vkt.to_xarray() of this volume."""
         from ._xarray import to_xarray
-        return to_xarray(self)
+        return to_xarray(self, stored)
 
     def _repr_html_(self) -> str:
         """For notebooks: three slices through the middle, as grey from the 1st to the 99th percentile, and a
