@@ -203,6 +203,32 @@ for wrong in np.zeros((4, 4, 4))[:, ::2], np.zeros((2, 2), ">f8"):
 EOF2
 }
 
+@test "copies are taken in any order of elements, and masks are not lost" {
+    python <<'EOF2'
+a = np.arange(60, dtype=np.int16).reshape(3, 4, 5)
+f = np.asfortranarray(a)
+v = vkt.from_dlpack(f, copy=True, spacing=2)
+assert np.array_equal(v.array, a) and v.spacing == (2, 2, 2)
+copied = vkt.from_dlpack(a, copy=True)
+a[0, 0, 0] = 99
+assert copied.array[0, 0, 0] == 0
+try:
+    vkt.from_dlpack(f)
+    raise SystemExit("in place?")
+except vkt.Error as e:
+    assert "copy=True" in e.hint
+masked = np.ma.masked_greater(a, 30)
+for call in lambda: vkt.Volume(masked), lambda: vkt.Volume(masked, copy=False), lambda: vkt.filter.kernel(volume, masked[:, :3, :3]):
+    try:
+        call()
+        raise SystemExit("the mask is lost")
+    except vkt.Error as e:
+        assert e.exit_code == 2 and "filled" in e.hint, e
+assert vkt.Volume(masked.filled(0)).stats()["max"] == 30
+assert np.array_equal(vkt.Volume(np.ma.array(a)).array, a)  # nothing is masked
+EOF2
+}
+
 @test "a pickled volume is the volume: voxels, geometry, units, value map, attributes, history" {
     python <<'EOF2'
 import copy, pickle
