@@ -25,8 +25,7 @@ def annotation(value):
         return None
     text = value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
     text = text.replace("numpy.ndarray", "np.ndarray").replace("vkt.Volume", "Volume")
-    return {"np.ndarray": "np.ndarray[Any, np.dtype[Any]]", "numpy.dtype": "np.dtype[Any]",
-            "np.ndarray | bytes": "np.ndarray[Any, np.dtype[Any]] | bytes"}.get(text, text)
+    return text.replace("np.ndarray", "Array").replace("numpy.dtype", "np.dtype[Any]")
 
 
 def typed(text):
