@@ -22,7 +22,11 @@ except ImportError:  # VTK without ParaView: the decorators say nothing
 
     smdomain = smhint = smproperty = smproxy = _Nothing()
 
-EXTENSIONS = ["nrrd", "nhdr", "mha", "mhd", "nii", "gz", "mrc", "vdb", "npy"]
+EXTENSIONS = [  # what vkt help formats lists, but for PNG
+    "nrrd", "nhdr", "mha", "mhd", "raw", "nii", "hdr", "img", "mrc", "mrcs", "map", "ccp4", "npy", "npz", "flash",
+    "vdb", "tif", "tiff", "vti", "pvti", "vtk", "zarr", "zarr.zip", "dcm", "h5", "hdf5", "mat", "nc", "nii.gz",
+    "raw.gz"
+]
 
 
 @smproxy.reader(name="VktReader", label="vkt volume", extensions=EXTENSIONS, file_description="Volumes that vkt reads")

@@ -65,6 +65,43 @@ static int in_memory(void) {
     return 0;
 }
 
+/* program several: what takes several volumes, said or not, and those in the place of a file. */
+static int several(void) {
+    vkt_volume *big = NULL, *small = NULL, *result = NULL;
+    vkt_description d;
+    char* json = NULL;
+    vkt_default_description(&d);
+    d.dims[0] = d.dims[1] = d.dims[2] = 3;
+    if (vkt_create(&d, NULL, &small) != VKT_OK) return complain();
+    d.dims[0] = 7;
+    if (vkt_create(&d, NULL, &big) != VKT_OK) return complain();
+    vkt_volume const* const both[] = {big, small};
+    char const* const words[] = {"stats", "-", "-"};
+    for (size_t n = 1; n <= 3; ++n) {
+        if (vkt_measure(words, n, both, 2, &json) != VKT_OK) return complain();
+        char const *first = strstr(json, "\"count\": 63"), *second = strstr(json, "\"count\": 27");
+        printf("%d %d\n", first != NULL && second > first, strstr(json, "name") != NULL);
+        vkt_free_text(json);
+    }
+    if (vkt_apply(OPTIONS("arith", "sub", "-", "-"), both, 1, &result) == VKT_OK) return 9;
+    printf("%s\n", vkt_error());
+    char const* const like[][4] = {{"crop", "-", "--like", "-"}, {"crop", "--like", "-"}};
+    for (size_t i = 0; i < 2; ++i) {
+        if (vkt_apply(like[i], 4 - i, both, 2, &result) != VKT_OK) return complain();
+        vkt_describe(result, &d);
+        printf("%d\n", (int)d.dims[0]);
+        vkt_free(result);
+    }
+    if (vkt_apply(OPTIONS("filter", "kernel", "-"), both, 2, &result) != VKT_OK) return complain();
+    vkt_describe(result, &d);
+    printf("%d\n", (int)d.dims[0]);
+    vkt_free(result);
+    if (vkt_apply(OPTIONS("crop", "--like", "-"), both, 1, &result) == VKT_OK) return 9;
+    vkt_free(big);
+    vkt_free(small);
+    return 0;
+}
+
 /* program refuse N: a call that fails, with the N-th reason. */
 static int refuse(int reason) {
     vkt_volume *volume = NULL, *other = NULL;
@@ -252,6 +289,7 @@ int main(int argc, char** argv) {
     if (argc > 4 && strcmp(argv[1], "apply") == 0) return apply_to_file(argc, argv);
     if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
+    if (argc == 2 && strcmp(argv[1], "several") == 0) return several();
     if (argc == 2 && strcmp(argv[1], "null") == 0) return take_null();
     if (argc == 2 && strcmp(argv[1], "residence") == 0) return residence();
     if (argc == 2 && strcmp(argv[1], "trim") == 0) return trim();
@@ -309,6 +347,12 @@ EOF
     [ "${lines[1]}" = "2 1 -5 5 4 3 8 7 6 300 10 9 " ]
     [ "${lines[2]}" = "zero" ]
     [[ "${lines[3]}" == "2 of 12 voxels"*"clipped to [0,255]" ]]
+}
+
+@test "several volumes are measured whether words say so or not, and stand for files that options name" {
+    run -0 "$program" several
+    # Of a kernel the words say the file, so that the volume, which they do not say, comes first.
+    printf '%s\n' '1 0' '1 0' '1 0' 'arith takes 2 volumes, not 1' 3 3 7 | diff - <(echo "$output")
 }
 
 @test "errors have the kind, the text and the hint of the command" {

@@ -129,6 +129,19 @@ before, after = contrast("clahe-before.png"), contrast("clahe-after.png")
 assert 5 < before and after > 2 * before, (before, after)'
 }
 
+@test "the session in Python: components as NumPy and the command find them, and a picture" {
+    [ -e "${VKT_BUILD:-}/python/vkt/_vkt.so" ] || skip "this build has no Python package; configure says why"
+    python_with numpy
+    grep -qx 'PYTHONPATH=build/python python3 examples/python-session.py' "$VKT_ROOT/README.md"
+    PYTHONPATH="$VKT_BUILD/python" /usr/bin/python3 -W error examples/python-session.py session >said.session
+    vkt filter gaussian examples/data/phantom.nrrd --sigma 1 | vkt threshold --above 80 | vkt label --min-size 10 -o want.nrrd
+    vkt diff want.nrrd session/session.nrrd
+    voxels=$(vkt threshold want.nrrd --range 1:1 | vkt stats --json | sed -n 's/.*"sum": \([0-9]*\),.*/\1/p')
+    [[ "$(grep components said.session)" == *"[$voxels"* ]]
+    head -c 4 session/session.png | grep -q PNG
+    tail -n 1 said.session | grep -qx 'wrote session.nrrd and session.png to session'
+}
+
 @test "real volumes where they are, a word where they are not" {
     mkdir -p empty
     VKT_DATA=$PWD/empty run --separate-stderr sh examples/clahe.sh absent

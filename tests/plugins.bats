@@ -14,8 +14,41 @@ module, file = project["entry-points"]["napari.manifest"]["napari-vkt"].split(":
 manifest = PluginManifest.from_file(f"{folder}/{module}/{file}")
 assert manifest.name == project["name"]
 manifest.validate_imports()
-readers = manifest.contributions.readers
-assert "*.nrrd" in readers[0].filename_patterns
+reader, = manifest.contributions.readers
+assert "*.nrrd" in reader.filename_patterns and reader.accepts_directories
+EOF2
+}
+
+@test "napari and ParaView: they are asked about files of every format that vkt reads" {
+    vkt help formats | sed -nE 's/^  [a-z0-9]+ +(\..*[a-z0-9]) +r[w-] .*/\1/p' | tr -s ' ' '\n' | sed 's/^\.//' |
+        { grep -vx png; echo nii.gz; } | sort -u >read
+    [ "$(wc -l <read)" -ge 25 ]
+    sed -n '/filename_patterns/,/]/p' "$VKT_ROOT/examples/napari-vkt/napari_vkt/napari.yaml" |
+        grep -oE '\*\.[a-z0-9.]+' | cut -c 3- | sort | diff read -
+    sed -n '/^EXTENSIONS/,/^]/p' "$VKT_ROOT/examples/paraview-vkt.py" | grep -oE '"[a-z0-9.]+"' | tr -d '"' | sort |
+        diff read -
+}
+
+@test "napari: folders of Zarr and of slices" {
+    vkt write volume.nrrd volume.zarr
+    vkt crop volume.nrrd --roi :,:,0:4 | vkt write - slices/ || mkdir slices
+    vkt crop volume.nrrd --roi :,:,0:4 | vkt write - 'tiff%04d.tif'
+    mkdir pictures other
+    mv tiff*.tif pictures
+    echo "no volume" >other/README
+    PYTHONPATH="$VKT_ROOT/examples/napari-vkt" python <<'EOF2'
+import napari_vkt, os
+read = napari_vkt.get_reader("volume.zarr")
+(data, properties, kind), = read("volume.zarr")
+assert np.array_equal(data, volume.array) and properties["name"] == "volume.zarr"
+(data, properties, kind), = napari_vkt.get_reader(["volume.zarr/"])(["volume.zarr/"])
+assert properties["name"] == "volume.zarr"
+assert napari_vkt.get_reader("other") is None and napari_vkt.get_reader("nowhere") is None
+assert napari_vkt.get_reader(["volume.nrrd", "volume.nrrd"]) is None
+for folder in "pictures", "slices":
+    if os.listdir(folder):  # without a module for DICOM there are none of its slices
+        (data, _, _), = napari_vkt.get_reader(folder)(folder)
+        assert np.array_equal(data, volume.array[:4]), folder
 EOF2
 }
 
@@ -59,7 +92,10 @@ except vkt.Error as e:
     assert "sheared" in str(e)
 v = vkt.Volume(volume.array, slope=2, intercept=-1)
 v.write("mapped.nrrd")
-assert np.array_equal(read("mapped.nrrd")[0][0], 2.0 * volume.array - 1)
+(data, properties, _), = read("mapped.nrrd")
+assert np.array_equal(data, 2.0 * volume.array - 1) and data.dtype == np.float32
+napari_vkt.write_layer("mapped2.nrrd", data, properties)
+assert vkt.read("mapped2.nrrd").stats()["mean"] == v.stats()["mean"]
 EOF2
 }
 

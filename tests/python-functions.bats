@@ -86,14 +86,108 @@ refused(None, "multiple values", lambda: vkt.flip(volume, "x", axis="y"))
 refused(None, "too many", lambda: vkt.flip(volume, "x", "y"))
 refused(None, "volumes", lambda: vkt.stats(volumes=volume))
 refused(2, "not ndarray", lambda: vkt.filter.gaussian(volume.array, sigma=2))
-refused(2, "takes no volume in memory", lambda: vkt.resample(volume, like=volume))
-vkt.crop(volume, roi="1:,:,:").write("grid.vkt")
-assert vkt.resample(volume, like="grid.vkt").dims == vkt.read("grid.vkt").dims
+refused(2, "takes no volume in memory", lambda: vkt.resample(volume, scale=volume))
 refused(2, "by how much", lambda: vkt.rotate(volume))
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     vkt.arith("mul", volume, 3)
 assert len(caught) == 1 and "clipped" in str(caught[0].message) and caught[0].filename == "<stdin>", caught
+EOF2
+}
+
+@test "volumes in memory in the place of files; regions and attributes as Python has them" {
+    python <<'EOF2'
+same = lambda a, b: np.array_equal(a.array, b.array) and a.spacing == b.spacing and a.origin == b.origin
+grid = vkt.crop(volume, roi="1:9,2:12,3:13")
+grid.write("grid.vkt")
+assert same(vkt.resample(volume, like=grid), vkt.resample(volume, like="grid.vkt"))
+assert same(vkt.crop(volume, like=grid), grid) and same(vkt.crop(like=grid, volume=volume), grid)
+assert same(vkt.rotate(volume, axis="z", angle=30, like=grid), vkt.rotate(volume, axis="z", angle=30, like="grid.vkt"))
+assert same(vkt.apply("crop", volume, like=grid), grid) and same(volume.apply("crop", "--like", grid), grid)
+assert same(vkt.apply("crop --like", grid, volume), grid)  # in the order of the words
+assert "(a volume of the program)" in vkt.crop(volume, like=grid).header["history"]["command"]
+labels = vkt.label(vkt.threshold(volume, otsu=True))
+assert vkt.apply("stats", volume, labels=labels) == vkt.stats(volume, labels=labels)
+weights = np.arange(27, dtype=np.float32).reshape(3, 3, 3) / 351
+with open("kernel.txt", "w") as file:
+    print("3 3 3", *weights.ravel().astype(float).tolist(), file=file)
+for kernel in weights, vkt.Volume(weights), np.asfortranarray(weights):
+    assert same(vkt.filter.kernel(volume, kernel), vkt.filter.kernel(volume, "kernel.txt"))
+assert same(vkt.filter.kernel(volume, vkt.Volume(weights, slope=2, intercept=0)), vkt.filter.kernel(volume, 2 * weights))
+
+def refused(text, call):
+    try:
+        call()
+    except vkt.Error as e:
+        assert text in str(e), str(e)
+    else:
+        assert False, text
+refused("not odd numbers", lambda: vkt.filter.kernel(volume, np.ones((2, 2, 2))))
+refused("finite", lambda: vkt.filter.kernel(volume, np.full((3, 3, 3), np.nan)))
+refused("does not overlap", lambda: vkt.crop(volume, like=vkt.Volume(np.zeros((2, 2, 2)), origin=(1e6, 0, 0))))
+refused("lies nowhere", lambda: vkt.crop(volume, like=volume.array))
+refused("takes 1 volume, not 2", lambda: vkt.apply("crop --roi 0:1,0:1,0:1", volume, volume))
+
+# Regions are in the order x, y, z.
+want = vkt.crop(volume, roi="0:2,1:3,0:5")
+assert want.dims == (2, 2, 5)
+for roi in np.s_[0:2, 1:3, 0:5], np.s_[:2, 1:3, :5], ((0, 2), (1, 3), (0, 5)), [[0, 2], [1, 3], [0, 5]], np.array([[0, 2], [1, 3], [0, 5]]):
+    assert same(vkt.crop(volume, roi=roi), want), roi
+assert same(vkt.crop(volume, roi=np.s_[::2, 4, -3:]), vkt.crop(volume, roi="::2,4,-3:"))
+assert same(vkt.crop(volume, roi=((1, None), slice(None), ...)), vkt.crop(volume, roi="1:,:,:"))
+assert same(vkt.read("volume.nrrd", roi=np.s_[0:2, 1:3, 0:5]), want)
+assert same(vkt.transform(volume, "0 * v", roi=((0, 2), (1, 3), (0, 5))), vkt.fill(volume, value=0, roi="0:2,1:3,0:5"))
+(x0, y0, z0), step = volume.origin, volume.spacing
+world = [(x0, x0 + step[0]), (y0, y0 + step[1]), (None, None)]
+assert vkt.crop(volume, roi_world=world).dims[2] == volume.dims[2] and vkt.crop(volume, roi_world=world).dims[0] <= 2
+assert "order x, y, z" in vkt.crop.__doc__
+
+named = vkt.set(volume, attribute={"a": "b", "n": 3, "c": "d e"})
+attributes = named.header["attributes"]
+assert (attributes["a"], attributes["n"], attributes["c"]) == ("b", "3", "d e")
+assert "a" not in vkt.set(named, attribute={"a": None}).header["attributes"]
+assert named.apply("set", attribute={"n": -1}).header["attributes"]["n"] == "-1"
+assert same(vkt.set(volume, attribute={}, spacing=(1, 2, 3)), vkt.set(volume, spacing="1,2,3"))
+# Numbers of NumPy are numbers.
+assert same(vkt.filter.gaussian(volume, sigma=np.float32(1.5)), vkt.filter.gaussian(volume, sigma=1.5))
+assert same(vkt.filter.gaussian(volume, sigma=np.array(1.5)), vkt.filter.gaussian(volume, sigma=1.5))
+assert vkt.make.noise(dims=np.array([4, 5, 6])).dims == (4, 5, 6)
+EOF2
+}
+
+@test "several volumes are measured without names, in the order in which they come" {
+    python <<'EOF2'
+other = vkt.make.ramp(dims=(4, 5, 6))
+for one in vkt.stats(volume, other), vkt.info(volume, other), vkt.apply("stats", volume, other, per="x"):
+    assert len(one) == 2 and all("name" not in report for report in one), one
+assert vkt.stats(volume, other) == [vkt.stats(volume), vkt.stats(other)]
+assert [report["dims"] for report in vkt.info(volume, other)] == [list(volume.dims), [4, 5, 6]]
+EOF2
+}
+
+@test "hints name what Python has: keywords, and calls" {
+    python <<'EOF2'
+def hint(call):
+    try:
+        call()
+    except vkt.Error as e:
+        assert "--" not in e.hint and e.hint in str(e), e
+        return e.hint
+    raise SystemExit("nothing was refused")
+assert hint(lambda: volume.write("volume.nrrd")) == "overwrite it with force=True"
+assert 'vkt.resample(like=VOLUME, method="nearest")' in hint(lambda: vkt.stats(volume, labels=vkt.make.ramp(dims=(2, 2, 2))))
+assert hint(lambda: vkt.crop(volume)) == 'use one of roi="X0:X1,Y0:Y1,Z0:Z1", roi_world=, like=FILE'
+assert 'range="LO:HI" or otsu=True' in hint(lambda: vkt.threshold(volume))
+from vkt._hints import in_python
+for said, want in (("take a larger --dtype, or fewer components by --min-size or --keep-largest",
+                    "take a larger dtype=, or fewer components by min_size= or keep_largest="),
+                   ("vkt stats --labels counts them", "vkt.stats(labels=...) counts them"),
+                   ("vkt label numbers the components of a mask; vkt convert --dtype uint32 changes the type",
+                    'vkt.label() numbers the components of a mask; vkt.convert(dtype="uint32") changes the type'),
+                   ("say for example --first 0 0 0 --last 8 8 8", "say for example first=(0, 0, 0) last=(8, 8, 8)"),
+                   ("or put it there with 'vkt resample --like'", "or put it there with 'vkt.resample(like=...)'"),
+                   ("--first/--last say the same", "first=/last= say the same"), ("nothing of it", "nothing of it")):
+    assert in_python(said) == want, in_python(said)
 EOF2
 }
 
@@ -114,12 +208,25 @@ smooth = vkt.filter.gaussian(vkt.read("a.nrrd"), sigma=(1, 2, 3), boundary="mirr
 turned: vkt.Volume = vkt.rotate(smooth, axis="z", angle=30)
 mean: float = vkt.stats(turned, smooth, mask=smooth)["mean"]
 vkt.flip(turned, "x").write("b.nrrd", force=True)
+import numpy as np
+vkt.filter.gaussian(turned, sigma=np.float32(2))
+vkt.threshold(turned, above=np.float32(2))
+vkt.make.noise(dims=np.array([4, 5, 6]), seed=np.int64(3))
+vkt.resample(turned, like=smooth, scale=np.array([1.0, 2.0, 3.0]))
+vkt.filter.kernel(turned, np.ones((3, 3, 3)))
+vkt.crop(turned, roi=np.s_[0:2, 1:3, :])
+vkt.crop(turned, roi=((0, 2), (1, 3), (0, None)))
+vkt.set(turned, attribute={"a": "b"})
+rows: int = vkt.render(turned, size=(64, 48)).shape[0] + turned.render(format="float").shape[1]
+picture: bytes = vkt.render(turned, format="png") + turned.render(format="png")
+vkt.write_stream(open("a.vkt", "wb"), np.ones((3, 3, 3)))
 EOF2
     MYPYPATH="$site" /usr/bin/python3 -m mypy --strict program.py
-    printf 'vkt.flip(turned, "q")\nvkt.rotate(smooth, angel=3)\n' >>program.py
+    printf 'vkt.flip(turned, "q")\nvkt.rotate(smooth, angel=3)\nvkt.threshold(turned, above="x")\n' >>program.py
     MYPYPATH="$site" run -1 /usr/bin/python3 -m mypy --strict program.py
     [[ "$output" == *'Literal["x"'* || "$output" == *"Literal['x'"* ]]
     [[ "$output" == *angel* ]]
+    [[ "$output" == *'"threshold" has incompatible type "str"'* ]]
 }
 
 @test "other threads of Python run while an operation computes" {

@@ -203,6 +203,32 @@ for wrong in np.zeros((4, 4, 4))[:, ::2], np.zeros((2, 2), ">f8"):
 EOF2
 }
 
+@test "copies are taken in any order of elements, and masks are not lost" {
+    python <<'EOF2'
+a = np.arange(60, dtype=np.int16).reshape(3, 4, 5)
+f = np.asfortranarray(a)
+v = vkt.from_dlpack(f, copy=True, spacing=2)
+assert np.array_equal(v.array, a) and v.spacing == (2, 2, 2)
+copied = vkt.from_dlpack(a, copy=True)
+a[0, 0, 0] = 99
+assert copied.array[0, 0, 0] == 0
+try:
+    vkt.from_dlpack(f)
+    raise SystemExit("in place?")
+except vkt.Error as e:
+    assert "copy=True" in e.hint
+masked = np.ma.masked_greater(a, 30)
+for call in lambda: vkt.Volume(masked), lambda: vkt.Volume(masked, copy=False), lambda: vkt.filter.kernel(volume, masked[:, :3, :3]):
+    try:
+        call()
+        raise SystemExit("the mask is lost")
+    except vkt.Error as e:
+        assert e.exit_code == 2 and "filled" in e.hint, e
+assert vkt.Volume(masked.filled(0)).stats()["max"] == 30
+assert np.array_equal(vkt.Volume(np.ma.array(a)).array, a)  # nothing is masked
+EOF2
+}
+
 @test "a pickled volume is the volume: voxels, geometry, units, value map, attributes, history" {
     python <<'EOF2'
 import copy, pickle
@@ -256,7 +282,7 @@ import json, xarray
 rng = np.random.default_rng(0)
 a = rng.integers(-100, 100, (4, 5, 6)).astype(np.int16)
 v = vkt.set(vkt.Volume(a, spacing=(0.1, 2, 3.3), origin=(-4, 5, 6.5), slope=2, intercept=-1, units="HU"), attribute="space=RAS")
-x = vkt.to_xarray(v)
+x = vkt.to_xarray(v, stored=True)
 assert x.dims == ("z", "y", "x") and x.values.ctypes.data == v.array.ctypes.data  # in place
 assert np.allclose(x.x, -4 + 0.1 * np.arange(6)) and np.allclose(x.z, 6.5 + 3.3 * np.arange(4))
 assert float(x.sel(z=13.1, y=7, x=-3.8, method="nearest")) == a[2, 1, 2]
@@ -265,7 +291,7 @@ assert json.loads(x.attrs["vkt_history"])["command"][0] == "set"
 def same(p, q):
     return (np.array_equal(p.array, q.array) and p.spacing == q.spacing and p.origin == q.origin and p.space == q.space and
             np.array_equal(p.direction, q.direction) and (p.slope, p.intercept, p.units) == (q.slope, q.intercept, q.units))
-assert same(vkt.from_xarray(x), v) and same(vkt.from_xarray(v.to_xarray()), v)
+assert same(vkt.from_xarray(x), v) and same(vkt.from_xarray(v.to_xarray(stored=True)), v)
 assert same(vkt.from_xarray(x.transpose("x", "z", "y")), v)
 part = vkt.from_xarray(x.isel(z=slice(1, 4, 2), x=slice(2, 5)))
 want = vkt.crop(v, roi="2:5,:,1:4")
@@ -276,7 +302,7 @@ assert slice_.dims == (6, 5, 1) and np.array_equal(slice_.array[0], a[2])
 flipped = vkt.from_xarray(x.isel(y=slice(None, None, -1)))
 assert np.array_equal(flipped.array, a[:, ::-1]) and flipped.direction[1, 1] == -1 and flipped.spacing == v.spacing
 assert np.allclose(flipped.origin, (-4, 13, 6.5))
-assert same(vkt.from_xarray(vkt.flip(v, "y").to_xarray()), vkt.flip(v, "y"))
+assert same(vkt.from_xarray(vkt.flip(v, "y").to_xarray(stored=True)), vkt.flip(v, "y"))
 # Oblique axes: distances along them, and attributes.
 angle = 0.3
 turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -294,6 +320,47 @@ for wrong in (xarray.DataArray(np.zeros((2, 2, 2, 2))), xarray.DataArray(np.zero
         raise SystemExit("taken")
     except vkt.Error as e:
         assert e.exit_code == 2
+EOF2
+}
+
+@test "xarray: values are those that the units are of, and a file packs them again" {
+    /usr/bin/python3 -c "import xarray" 2>/dev/null || with_peer xarray
+    python <<'EOF2'
+import xarray
+a = np.arange(-30, 30).reshape(3, 4, 5).astype(np.int16)
+v = vkt.Volume(a, units="HU", slope=2, intercept=-5)
+x = vkt.to_xarray(v)
+assert x.dtype == np.float32 and np.array_equal(x, 2.0 * a - 5) and x.attrs["units"] == "HU"
+assert "scale_factor" not in x.attrs and (x.encoding["scale_factor"], x.encoding["add_offset"]) == (2, -5)
+assert x.encoding["dtype"] == np.int16
+for y in x, x + 0, x.copy():  # the sum has lost its attrs, or not, by xarray's version
+    back = vkt.from_xarray(y)
+    assert np.array_equal(back.slope * back.array + back.intercept, 2.0 * a - 5)
+assert vkt.from_xarray(x).units == "HU" and vkt.from_xarray(x).stats()["mean"] == v.stats()["mean"]
+# What float32 would round is float64.
+for slope, intercept, dtype, want in ((0.1, 0, np.int16, np.float64), (1, -1024, np.int16, np.float32), (1, 1, np.int32, np.float64),
+                                      (2, 0, np.float32, np.float64), (-300, 0, np.uint16, np.float64), (1, 2.0 ** 24, np.uint8, np.float64)):
+    b = np.abs(a).astype(dtype)
+    y = vkt.to_xarray(vkt.Volume(b, slope=slope, intercept=intercept))
+    assert y.dtype == want and np.array_equal(y, slope * b.astype(float) + intercept), (slope, y.dtype)
+plain = vkt.to_xarray(vkt.Volume(a, units="mm"))
+assert plain.dtype == np.int16 and not plain.encoding and plain.attrs["units"] == "mm"
+# Packed as CF has it: xarray decodes it to the same values.
+packed = v.to_xarray(stored=True)
+assert packed.dtype == np.int16 and np.array_equal(xarray.decode_cf(packed.to_dataset(name="v"))["v"], x)
+try:
+    from scipy.io import netcdf_file
+except ImportError:
+    pass
+else:
+    x.name = "v"
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "saving variable v with floating point data")  # for NaN, which is not there
+        x.to_netcdf("v.nc")
+    with netcdf_file("v.nc", mmap=False) as file:
+        assert file.variables["v"].data.dtype.kind == "i" and np.array_equal(file.variables["v"].data, a)
+    with xarray.open_dataarray("v.nc") as y:
+        assert np.array_equal(vkt.from_xarray(y).array, x) and vkt.from_xarray(y).units == "HU"
 EOF2
 }
 

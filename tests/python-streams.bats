@@ -115,3 +115,84 @@ with subprocess.Popen(["head", "-c", "100"], stdin=subprocess.PIPE, stdout=subpr
 EOF2
     [ -z "$(names_in_shm)" ]
 }
+
+@test "files that take or give bytes by and by, that fail, and what is no file" {
+    python <<'EOF2'
+import gzip, io
+def stream(volumes):
+    memory = io.BytesIO()
+    vkt.write_stream(memory, volumes)
+    return memory.getvalue()
+class Slow(io.RawIOBase):
+    """Takes at most 1000 bytes at a time, as a raw file may."""
+    def __init__(self):
+        self.data = bytearray()
+    def writable(self):
+        return True
+    def write(self, data):
+        self.data += bytes(data[:1000])
+        return min(len(data), 1000)
+slow = Slow()
+vkt.write_stream(slow, volume)
+assert bytes(slow.data) == stream(volume)
+class Silent:
+    """No file of Python's: all is taken, and nothing said."""
+    data = b""
+    def write(self, data):
+        self.data += data
+silent = Silent()
+vkt.write_stream(silent, volume)
+assert silent.data == stream(volume)
+def raises(kind, text, call):
+    try:
+        call()
+    except kind as error:
+        assert text in str(error), error
+    else:
+        assert False, text
+class Full(Slow):
+    def write(self, data):
+        return None if self.data else super().write(data)
+class Stuck(Slow):
+    def write(self, data):
+        return 0
+class Broken(Slow):
+    def write(self, data):
+        raise BrokenPipeError("the other end has gone")
+raises(BlockingIOError, "blocking", lambda: vkt.write_stream(Full(), volume))
+raises(OSError, "took 0 of", lambda: vkt.write_stream(Stuck(), volume))
+raises(BrokenPipeError, "has gone", lambda: vkt.write_stream(Broken(), vkt.make.ramp(dims=(2, 2, 2))))
+
+# What reading raises is what comes out, after what came before.
+class Fails:
+    def __init__(self, data, error):
+        self.file, self.error = io.BytesIO(data), error
+    def read(self, size=-1):
+        data = self.file.read(1000)
+        if not data:
+            raise self.error
+        return data
+raises(OSError, "disk on fire", lambda: list(vkt.read_stream(Fails(b"", OSError("disk on fire")))))
+raises(KeyError, "no", lambda: list(vkt.read_stream(Fails(stream(volume)[:70000], KeyError("no")))))
+raises(OSError, "gzip", lambda: list(vkt.read_stream(gzip.GzipFile(fileobj=io.BytesIO(b"no gzip at all")))))
+class Gives:
+    def __init__(self, what):
+        self.what = what
+    def read(self, size=-1):
+        return self.what
+raises(BlockingIOError, "blocking", lambda: list(vkt.read_stream(Gives(None))))
+raises(TypeError, "gave str", lambda: list(vkt.read_stream(Gives("text"))))
+# What is no file of bytes is refused at once, not when the first volume is asked for.
+for wrong, text in (None, "NoneType is no file"), (io.StringIO("text"), "text"), ("a.vkt", "str is no file"), (volume, "Volume is no file"):
+    raises(TypeError, text, lambda: vkt.read_stream(wrong))
+    if wrong is not volume:
+        raises(TypeError, text, lambda: vkt.write_stream(wrong, volume))
+
+# Arrays are volumes; what else there is, is not.
+array = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+assert np.array_equal(next(vkt.read_stream(io.BytesIO(stream(array)))).array, array)
+assert [v.dims for v in vkt.read_stream(io.BytesIO(stream([volume, array])))] == [volume.dims, (4, 3, 2)]
+for wrong in None, 3, "volume.nrrd", [[1, 2], [3, 4]]:
+    raises(TypeError, "a stream is of volumes", lambda: stream(wrong))
+EOF2
+}

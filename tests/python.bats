@@ -260,7 +260,7 @@ def refused(code, text, call):
     else:
         assert False, text
 refused(2, "did you mean 'filter gaussian'", lambda: volume.apply("filtr gaussian"))
-refused(2, "did you mean '--sigma'", lambda: volume.apply("filter gaussian", sigme=2))
+refused(2, "did you mean 'sigma='", lambda: volume.apply("filter gaussian", sigme=2))
 refused(2, "missing AXIS", lambda: volume.apply("flip"))
 refused(2, "flip takes 1 volume, not 2", lambda: volume.apply("flip x", volume))
 refused(2, "make noise takes 0 volumes, not 1", lambda: volume.apply("make noise", dims=(2, 2, 2)))

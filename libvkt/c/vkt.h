@@ -136,7 +136,9 @@ VKT_API vkt_status vkt_write(vkt_volume const* volume, char const* path, char co
 
 /** Applies one operation, {"filter", "gaussian", "--sigma", "2"}. Inputs are passed beside the words; where the command
    takes them between other arguments, "-" stands for the next: {"arith", "sub", "-", "-"}, {"arith", "mul", "-", "2"}.
-   --device, --threads and --memory are understood. */
+   Inputs that no word stands for come first. One more volume than the operation takes is one whose file --like, or the
+   first argument of "filter kernel", would name: {"resample", "--like", "-"}, {"filter", "kernel", "-"}. --device,
+   --threads and --memory are understood. */
 VKT_API vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs,
                              size_t input_count, vkt_volume** result);
 /** What a voxel becomes: x, y and z are its indices, `value` is physical, `user` is what vkt_transform() was given. */
@@ -153,8 +155,8 @@ VKT_API char const* vkt_remarks(vkt_volume const* volume);
 VKT_API char const* vkt_report(vkt_volume const* volume);
 
 /** What an operation without a volume reports, {"diff", "--ssim"}, {"stats", "--per", "z"}, {"info"}: the JSON that the
-   command prints with --json, {"text": …} of one that prints text alone. Words and inputs are those of vkt_apply(). For
-   vkt_free_text(). */
+   command prints with --json, {"text": …} of one that prints text alone. Words and inputs are those of vkt_apply(); of
+   several volumes, {"stats"}, the JSON is a list in their order. For vkt_free_text(). */
 VKT_API vkt_status vkt_measure(char const* const* words, size_t count, vkt_volume const* const* inputs,
                                size_t input_count, char** json);
 /** vkt_measure() of {"stats"} and these words. */

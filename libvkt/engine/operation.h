@@ -84,6 +84,11 @@ public:
 
     /// The volume whose header the plan follows, for operations with an option --like.
     virtual ReferenceVolume* like() { return nullptr; }
+    /// The parameter that names a file of a volume that is no input, such as that; empty if there is none. Programs
+    /// give a volume in memory in its place.
+    virtual std::string_view volume_file() const { return {}; }
+    /// That volume, from whoever has it or has opened it; the parameter is set.
+    virtual void take_volume(Source& /*opened*/) {}
 
     /// Declares the parameters and binds them to members.
     virtual void parameters(Parameters&) {}

@@ -83,7 +83,7 @@ std::string take_accuracy(std::string& description) {
     return accuracy;
 }
 
-Json described(Parameter const& p, bool volume) {
+Json described(Parameter const& p, bool volume, bool volume_file = false) {
     Json result;
     result["name"] = p.name;
     result["aliases"] = p.aliases;
@@ -93,6 +93,7 @@ Json described(Parameter const& p, bool volume) {
     result["flag"] = p.flag;
     result["required"] = p.required;
     result["volume"] = volume;
+    result["volume_file"] = volume_file;
     result["least"] = p.min_values;
     result["most"] = p.max_values;
     result["choices"] = p.choices;
@@ -124,7 +125,8 @@ std::string operation_help(std::string_view name) {
     result["inputs"] = among_arguments ? 0 : operation->inputs();
     result["parameters"] = Json::array();
     for (std::size_t i = 0; i < own.all().size(); ++i)
-        result["parameters"].push_back(described(own.all()[i], among_arguments && names_input(name, own, i)));
+        result["parameters"].push_back(described(own.all()[i], among_arguments && names_input(name, own, i),
+                                                 own.all()[i].name == operation->volume_file()));
     result["execution"] = Json::array();
     for (auto const& p : shared.all()) result["execution"].push_back(described(p, false));
     return result.dump(-1, ' ', false, Json::error_handler_t::replace);

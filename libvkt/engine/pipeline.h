@@ -49,6 +49,7 @@ struct Measurement {
     std::function<void(Report)> report; ///< takes the report of one volume after the other
     /// Takes text as it comes, which is what the command prints instead of reports.
     std::function<void(std::string_view)> print;
+    bool named = true; ///< inputs have names, which reports of several tell
 };
 
 /// Plans a reduction for the current volumes of its inputs, begins them and tells the plan. True if they are only

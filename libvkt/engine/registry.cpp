@@ -98,6 +98,25 @@ std::vector<std::size_t> order_of_inputs(std::string const& operation, std::vect
     return order;
 }
 
+/// Takes the "-" from the words that stands in the place of a file of a volume that is no input, and returns which of
+/// the volumes it means; nothing if there is no volume more than the operation has inputs.
+std::optional<std::size_t> take_volume_file(Operation const& operation, Parameters& own,
+                                            std::vector<std::string>& words, std::size_t volumes) {
+    Parameter const* const file = operation.volume_file().empty() ? nullptr : own.find(operation.volume_file());
+    if (file == nullptr || volumes != static_cast<std::size_t>(operation.inputs()) + 1) return {};
+    auto const said = static_cast<std::size_t>(std::ranges::count(words, "-"));
+    std::size_t index = volumes - std::min(said, volumes); // those that are not said come first
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        if (words[i] != "-") continue;
+        if (file->positional || (i > 0 && words[i - 1] == file->spelling())) {
+            words[i] = "(a volume of the program)"; // as the history keeps it
+            if (index < volumes) return index;
+        }
+        ++index;
+    }
+    return {};
+}
+
 /// An operation with its parameters read and its inputs checked.
 struct Prepared {
     std::unique_ptr<Operation> operation;
@@ -107,7 +126,7 @@ struct Prepared {
     std::vector<std::unique_ptr<Source>> sources;
 };
 
-Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& call) {
+Prepared prepare(std::vector<std::string> words, std::vector<Volume> inputs, CallOptions const& call) {
     std::size_t const n = words_of_name(words);
     std::string const name = n == 1 ? words[0] : words[0] + " " + words[1];
     words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
@@ -120,12 +139,21 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
     operation.parameters(own);
     options.declare(shared);
     bool const inputs_are_parameters = !operation.input_names().empty();
+    auto const beside = take_volume_file(operation, own, words, inputs.size());
+    Parameter const* const in = own.find("in");
+    if (in != nullptr && in->positional && in->max_values < 0) // those that are not said come first
+        for (auto unsaid = std::ssize(inputs) - std::ranges::count(words, "-"); unsaid > 0; --unsaid)
+            words.insert(words.begin(), "-");
     std::size_t const said = inputs_are_parameters ? number_inputs(words) : std::erase(words, "-");
     auto const left = read_words(words, {&own, &shared});
     if (!left.empty())
         throw Error(ErrorKind::usage, text(name, ": unexpected argument '", left.front(), "'"),
                     "volumes are passed beside the words");
     operation.check();
+    if (beside) {
+        operation.take_volume(*volume_source({inputs[*beside]}));
+        inputs.erase(inputs.begin() + static_cast<std::ptrdiff_t>(*beside));
+    }
     std::vector<std::string> const names =
         inputs_are_parameters ? operation.input_names() : std::vector<std::string>(inputs.size(), "-");
     std::vector<std::size_t> const order = order_of_inputs(name, names);
@@ -134,7 +162,7 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
     if (inputs.size() != wanted || said > wanted || order.size() != wanted || !none_missing)
         throw Error(ErrorKind::usage,
                     text(name, " takes ", static_cast<std::uint64_t>(wanted), wanted == 1 ? " volume" : " volumes",
-                         ", not ", static_cast<std::uint64_t>(std::max(said, inputs.size()))));
+                         ", not ", static_cast<std::uint64_t>(inputs.size() != wanted ? inputs.size() : said)));
 
     prepared.info.name = name;
     prepared.info.words = history_words(name, own, names, inputs_are_parameters);
@@ -203,6 +231,7 @@ std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> 
                 check_budget(printed.size() + lines.size(), prepared.execution);
                 printed += lines;
             },
+        .named = false,
     };
     prepared.operation->measure(measurement);
     if (!printed.empty()) reports.emplace_back().add("text", printed);

@@ -34,8 +34,9 @@ struct CallOptions {
 
 /// Applies the operation that the words of a command line name, {"filter", "gaussian", "--sigma", "2"}, to volumes in
 /// memory. "-" stands for the next volume where the operation takes it as an argument, {"arith", "sub", "-", "-"}, and
-/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Throws Error{usage} for
-/// operations that make no volume.
+/// may be left out elsewhere, of operations that take any number of them, too. One more volume than there are inputs
+/// stands for the file that --like or the kernel of a filter names: {"resample", "--like", "-"}. --device, --threads,
+/// --memory and --slab are understood. Throws Error{usage} for operations that make no volume.
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& options = {});
 
 /// The same of operations that make no volume but report: stats, diff, info. One report for each volume that was

@@ -5,6 +5,7 @@ them: PYTHONPATH=build/python python3 libvkt/python/stubs.py. With --check it sa
 import difflib
 import inspect
 import pathlib
+import re
 import sys
 
 sys.path.pop(0)  # the sources beside this script, which have no library
@@ -12,7 +13,7 @@ import vkt  # noqa: E402
 
 HEAD = "# Written by libvkt/python/stubs.py from the registry; do not edit.\n# SPDX-License-Identifier: MIT\n"
 IMPORTS = """import os
-from typing import Any, Iterable, Iterator, Literal, Sequence
+from typing import Any, Iterable, Iterator, Literal, Mapping, Sequence, SupportsFloat, SupportsIndex, overload
 
 import numpy as np
 
@@ -24,8 +25,16 @@ def annotation(value):
         return None
     text = value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
     text = text.replace("numpy.ndarray", "np.ndarray").replace("vkt.Volume", "Volume")
-    return {"np.ndarray": "np.ndarray[Any, np.dtype[Any]]", "numpy.dtype": "np.dtype[Any]",
-            "np.ndarray | bytes": "np.ndarray[Any, np.dtype[Any]] | bytes"}.get(text, text)
+    return text.replace("np.ndarray", "Array").replace("numpy.dtype", "np.dtype[Any]")
+
+
+def typed(text):
+    """The type of an option, as wide as what it takes: numbers of NumPy and its arrays, too."""
+    for what, numbers in ("float", "Numbers"), ("int", "Integers"):
+        text = re.sub(rf"Sequence\[{what}\]", numbers, text)
+    text = re.sub(r"(?<![\w\[])float\b", "SupportsFloat", text)
+    text = re.sub(r"(?<![\w\[])int\b", "SupportsIndex", text)
+    return text.replace("np.ndarray", "Array")
 
 
 def returned(function):
@@ -46,7 +55,15 @@ def line_of(name, parameters, result, indent=""):
     return f"{indent}def {name}(\n{body}{indent}) -> {result}: ..."
 
 
+def picture_stub(first, indent=""):
+    """Of render(), whose format says what comes back."""
+    return "\n".join(f"{indent}@overload\n{indent}def render({first}, *, format: {format}, **options: Any) -> {result}: ..."
+                     for format, result in (("Literal['uint8', 'float'] = 'uint8'", "Array"), ("Literal['png']", "bytes")))
+
+
 def stub(function, name=None, indent=""):
+    if function.__name__ == "render":
+        return picture_stub("self" if indent else "volume: Volume", indent)
     signature = inspect.signature(function)
     texts = getattr(function, "texts", {})
     parameters, starred = [], False
@@ -59,7 +76,7 @@ def stub(function, name=None, indent=""):
         elif parameter.kind is parameter.KEYWORD_ONLY and not starred:
             parameters.append("*")
             starred = True
-        kind = texts.get(parameter.name) or annotation(parameter.annotation)
+        kind = typed(texts[parameter.name]) if parameter.name in texts else annotation(parameter.annotation)
         if kind:
             text += f": {kind}"
         if parameter.default is not parameter.empty:
@@ -90,13 +107,15 @@ def stubs():
     for module in vkt.filter, vkt.make:
         name = module.__name__.split(".")[-1]
         lines = [stub(getattr(module, function)) for function in module.__all__]
-        files[name + ".pyi"] = (HEAD + IMPORTS.replace("from typing import Any, Iterable, Iterator, Literal",
-                                                       "from typing import Any, Literal") +
-                                "from . import DType, Value, Volume\n\n" + "\n".join(lines) + "\n")
+        files[name + ".pyi"] = (HEAD + IMPORTS.replace("Iterable, Iterator, ", "").replace(", overload", "") +
+                                "from . import Array, DType, Integers, Numbers, Region, Value, Volume\n\n" + "\n".join(lines) + "\n")
     classes = [class_stub(vkt.Error), class_stub(vkt.Volume), class_stub(vkt.policy)]
     functions = sorted(name for name, value in vars(vkt).items()
                        if inspect.isfunction(value) and not name.startswith("_"))
-    aliases = ("Value = str | float | Sequence[float] | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
+    aliases = ("Array = np.ndarray[Any, np.dtype[Any]]\n"
+               "Numbers = Sequence[SupportsFloat] | Array\nIntegers = Sequence[SupportsIndex] | Array\n"
+               "Value = str | SupportsFloat | Numbers | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
+               "Region = str | Sequence[slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
                "__version__: str\n")
     files["__init__.pyi"] = (HEAD + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
                              "\n".join(classes) + "\n" + "\n".join(stub(getattr(vkt, name)) for name in functions) + "\n")

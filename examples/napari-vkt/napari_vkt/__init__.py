@@ -7,21 +7,39 @@ import vkt
 
 
 def get_reader(path):
-    """napari's question whether this file can be read: who reads it, or None."""
+    """napari's question whether this file or folder can be read: who reads it, or None."""
     if isinstance(path, list):
+        if len(path) != 1:  # to be stacked, which napari does itself
+            return None
         path = path[0]
-    return read if os.path.isfile(path) else None
+    return (lambda path: read(path[0] if isinstance(path, list) else path)) if _is_volume(path) else None
+
+
+def _is_volume(path):
+    """Any file may be one; a folder is one of Zarr, of slices, DICOM's by their contents, or an AMReX plotfile."""
+    if not os.path.isdir(path):
+        return os.path.isfile(path)
+    for entry in sorted(os.scandir(path), key=lambda entry: entry.name):
+        if entry.name in (".zarray", ".zgroup", "zarr.json", "Header"):
+            return True
+        if entry.is_file():
+            with open(entry.path, "rb") as file:
+                if entry.name.lower().endswith((".tif", ".tiff", ".dcm")) or file.read(132)[128:] == b"DICM":
+                    return True
+    return False
 
 
 def read(path):
-    """The layers of a file: voxels [z, y, x], a transformation to the world, and what else is known about them."""
+    """The layers of a file or folder: voxels [z, y, x], a transformation to the world, and what else is known about them.
+    An image with a value map becomes physical values, those that its units are of: napari has no map of its own, and
+    shows the values of a layer under the pointer and at the ends of its contrast. They are float32, as it draws them."""
     volume = vkt.read(path)
     if volume.hierarchical:  # an adaptive mesh becomes a grid of about so many voxels
         volume = vkt.resample(volume, cells="50M")
     header = volume.header
     labels = _labels(volume, path)
     properties = {
-        "name": os.path.basename(path),
+        "name": os.path.basename(os.path.normpath(path)),
         "affine": _affine(volume),
         "metadata": {"vkt": header},
     }
@@ -29,7 +47,8 @@ def read(path):
         properties["features"] = {"index": list(labels), "name": list(labels.values())}
         return [(volume.array, properties, "labels")]
     if volume.slope != 1 or volume.intercept != 0:
-        return [(volume.slope * volume.array.astype(float) + volume.intercept, properties, "image")]
+        values = volume.slope * volume.array.astype(float) + volume.intercept
+        return [(values.astype(np.float32), properties, "image")]
     return [(volume.array, properties, "image")]
 
 

@@ -80,14 +80,13 @@ Kernel read_text(ByteSource& bytes) {
     return kernel;
 }
 
-Kernel read_volume(std::unique_ptr<ByteSource> bytes, std::string const& path) {
-    auto const source = open_volume(std::move(bytes), {});
-    if (!source->next_volume()) refuse(path, "it holds no volume");
-    Header const header = source->header();
+Kernel read_volume(Source& source, std::string const& path) {
+    if (!source.next_volume()) refuse(path, "it holds no volume");
+    Header const header = source.header();
     if (header.kind != Kind::structured) refuse(path, "it is a hierarchical volume");
     check_dims(path, header.dims);
     Execution const execution;
-    Volume const volume = load(*source, execution);
+    Volume const volume = load(source, execution);
     ConstView const view = volume.view();
     Kernel kernel{header.dims, std::vector<double>(static_cast<std::size_t>(header.voxels()))};
     double* to = kernel.weights.data();
@@ -97,15 +96,18 @@ Kernel read_volume(std::unique_ptr<ByteSource> bytes, std::string const& path) {
     return kernel;
 }
 
+Kernel finite(Kernel kernel, std::string const& path) {
+    for (double const weight : kernel.weights)
+        if (!std::isfinite(weight)) refuse(path, "not all of its weights are finite numbers");
+    return kernel;
+}
+
 } // namespace
 
 Kernel read_kernel(std::string const& path) {
     auto bytes = open_bytes(path);
     bool const is_text = !bytes->directory() && looks_like_text(*bytes);
-    Kernel kernel = is_text ? read_text(*bytes) : read_volume(std::move(bytes), path);
-    for (double const weight : kernel.weights)
-        if (!std::isfinite(weight)) refuse(path, "not all of its weights are finite numbers");
-    return kernel;
+    return finite(is_text ? read_text(*bytes) : read_volume(*open_volume(std::move(bytes), {}), path), path);
 }
 
 namespace {
@@ -208,6 +210,10 @@ std::vector<Knob> KernelFilter::knobs() const {
     std::vector<Knob> result = LinearFilter::knobs();
     result.push_back({"tolerance", {"10%", "1%", "0.1%", "0.01%"}, "1e-10%"});
     return result;
+}
+
+void KernelFilter::take_volume(Source& opened) {
+    kernel_.of(file_, [&](std::string const& path) { return finite(read_volume(opened, path), path); });
 }
 
 void KernelFilter::check() const {

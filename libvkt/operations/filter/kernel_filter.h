@@ -50,6 +50,8 @@ public:
     std::string_view name() const override { return "filter kernel"; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
+    std::string_view volume_file() const override { return "file"; }
+    void take_volume(Source& opened) override;
     void check() const override;
     Box footprint(Box const& output, int input) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;

@@ -35,6 +35,8 @@ class AffineTransform : public Operation, public Tunable, public Prepared {
 public:
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
+    std::string_view volume_file() const override { return "like"; }
+    void take_volume(Source& opened) override { like_.take(opened); }
     std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) const override;

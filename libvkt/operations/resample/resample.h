@@ -52,6 +52,8 @@ public:
     Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
+    std::string_view volume_file() const override { return "like"; }
+    void take_volume(Source& opened) override { like_.take(opened); }
     void parameters(Parameters& p) override;
     std::vector<Knob> knobs() const override;
     void check() const override;

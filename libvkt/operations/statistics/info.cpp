@@ -156,7 +156,7 @@ void Info::measure_input(Source& source, std::string const& name, Measurement& t
         std::string const now = to.info.format ? to.info.format(name) : "";
         if (now != opened) promised = promised_format(now, name, to.info);
         opened = now;
-        Description volume{files.size() > 1 ? name : "", source.header(), now, promised, source.not_read()};
+        Description volume{files.size() > 1 && to.named ? name : "", source.header(), now, promised, source.not_read()};
         Header& header = volume.header;
         header.timing = false;
         bool const planned = header.dry_run;

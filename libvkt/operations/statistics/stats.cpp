@@ -142,7 +142,7 @@ void Stats::measure(Measurement& to) {
         while (source.next_volume()) {
             others.next();
             bool const planned = source.header().dry_run;
-            Report report = measured(source, beside, volumes > 1 ? files[i] : "", to);
+            Report report = measured(source, beside, volumes > 1 && to.named ? files[i] : "", to);
             if (!planned) to.report(std::move(report));
         }
         others.end();

@@ -32,6 +32,8 @@ public:
     bool runs_on_gpu() const override { return !region_.has_steps(); }
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
     ReferenceVolume* like() override { return &like_; }
+    std::string_view volume_file() const override { return "like"; }
+    void take_volume(Source& opened) override { like_.take(opened); }
 
 private:
     SteppedBox wanted(Header const& in) const;

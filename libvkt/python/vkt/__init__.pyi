@@ -1,14 +1,18 @@
 # Written by libvkt/python/stubs.py from the registry; do not edit.
 # SPDX-License-Identifier: MIT
 import os
-from typing import Any, Iterable, Iterator, Literal, Sequence
+from typing import Any, Iterable, Iterator, Literal, Mapping, Sequence, SupportsFloat, SupportsIndex, overload
 
 import numpy as np
 
 from . import filter as filter, make as make
 
-Value = str | float | Sequence[float] | os.PathLike[str]
+Array = np.ndarray[Any, np.dtype[Any]]
+Numbers = Sequence[SupportsFloat] | Array
+Integers = Sequence[SupportsIndex] | Array
+Value = str | SupportsFloat | Numbers | os.PathLike[str]
 DType = str | type | np.dtype[Any]
+Region = str | Sequence[slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array
 __version__: str
 
 class Error(Exception):
@@ -35,7 +39,7 @@ class Volume:
     def devices(self) -> tuple[str, ...]: ...
     def migrate(self, device: str) -> Volume: ...
     @property
-    def array(self) -> np.ndarray[Any, np.dtype[Any]]: ...
+    def array(self) -> Array: ...
     @property
     def dims(self) -> tuple[int, int, int]: ...
     @property
@@ -45,7 +49,7 @@ class Volume:
     @property
     def origin(self) -> tuple[float, float, float]: ...
     @property
-    def direction(self) -> np.ndarray[Any, np.dtype[Any]]: ...
+    def direction(self) -> Array: ...
     @property
     def slope(self) -> float: ...
     @property
@@ -63,9 +67,12 @@ class Volume:
     def stats(self, **options: Any) -> dict[str, Any]: ...
     def write(self, path: str | os.PathLike[str], **options: Any) -> None: ...
     def apply(self, name: str, *arguments: Any, **options: Any) -> Any: ...
-    def render(self, **options: Any) -> Any: ...
+    @overload
+    def render(self, *, format: Literal['uint8', 'float'] = 'uint8', **options: Any) -> Array: ...
+    @overload
+    def render(self, *, format: Literal['png'], **options: Any) -> bytes: ...
     def transform(self, what: Any, *others: Volume, **options: Any) -> Volume: ...
-    def to_xarray(self) -> Any: ...
+    def to_xarray(self, stored: bool = False) -> Any: ...
     def _repr_html_(self) -> str: ...
 
 class policy:
@@ -81,197 +88,214 @@ class policy:
 
 def affine(
     volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
-    expand: bool = False, like: Value | None = None, roi: Value | None = None,
+    expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def apply(name: str, *arguments: Any, **options: Any) -> Any: ...
 def arith(
     
     op: Literal['add', 'sub', 'mul', 'div', 'min', 'max', 'absdiff', 'pow', 'gt', 'ge', 'lt', 'le', 'eq', 'ne', 'and', 'or', 'not', 'abs', 'neg', 'sqrt', 'exp', 'log', 'clamp', 'where'],
-    a: Volume | float | None = None, b: Volume | float | None = None, c: Volume | float | None = None, *,
-    dtype: DType | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    a: Volume | SupportsFloat | None = None, b: Volume | SupportsFloat | None = None,
+    c: Volume | SupportsFloat | None = None, *, dtype: DType | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def clahe(
-    volume: Volume, *, clip: float | None = None, clip_as: Literal['opencv', 'skimage', 'volkit', 'pizer'] = 'opencv',
-    bricks: Sequence[int] = (8, 8, 8), bins: int = 256, range: Value = 'minmax', roi: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, clip: SupportsFloat | None = None,
+    clip_as: Literal['opencv', 'skimage', 'volkit', 'pizer'] = 'opencv', bricks: Integers = (8, 8, 8),
+    bins: SupportsIndex = 256, range: Value = 'minmax', roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def convert(
-    volume: Volume, *, dtype: DType | None = None, tolerance: float | None = None, range: Value | None = None,
-    to: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    volume: Volume, *, dtype: DType | None = None, tolerance: SupportsFloat | None = None, range: Value | None = None,
+    to: Value | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def copy(
-    part: Volume, into: Volume | None = None, *, at: Sequence[int] | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    part: Volume, into: Volume | None = None, *, at: Integers | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def crop(
-    volume: Volume, *, roi: Value | None = None, roi_world: Value | None = None, like: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, roi: Region | None = None, roi_world: Region | None = None, like: Volume | Value | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def declare_sv(
-    *, dims: Sequence[int], data_format: DType | None = None, bytes_per_voxel: int | None = None,
-    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    *, dims: Integers, data_format: DType | None = None, bytes_per_voxel: SupportsIndex | None = None,
+    dist: Numbers | None = None, voxel_mapping: Numbers | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def delete(
-    volume: Volume, *, roi: Value, value: float | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, roi: Region, value: SupportsFloat | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def diff(
-    volume: Volume, other: Volume, *, tolerance: float = 0.0, geometry: bool = False, ssim: bool = False,
-    ssim_range: float | None = None, mutual_information: bool = False, bins: int | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, other: Volume, *, tolerance: SupportsFloat = 0.0, geometry: bool = False, ssim: bool = False,
+    ssim_range: SupportsFloat | None = None, mutual_information: bool = False, bins: SupportsIndex | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def distance(
-    volume: Volume, *, signed: bool = False, unit: Literal['voxel', 'world'] = 'world', roi: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, signed: bool = False, unit: Literal['voxel', 'world'] = 'world', roi: Region | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def dump(
-    volume: Volume, *, roi: Value | None = None, first: Sequence[int] | None = None,
-    last: Sequence[int] | None = None, input: Volume | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, roi: Region | None = None, first: Integers | None = None, last: Integers | None = None,
+    input: Volume | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def dump_range(
-    volume: Volume, *, roi: Value | None = None, first: Sequence[int] | None = None,
-    last: Sequence[int] | None = None, input: Volume | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, roi: Region | None = None, first: Integers | None = None, last: Integers | None = None,
+    input: Volume | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def fill(
-    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
-    last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, value: SupportsFloat = 0.0, roi: Region | None = None, first: Integers | None = None,
+    last: Integers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def fill_holes(
-    volume: Volume, *, connectivity: int = 6, value: float | None = None, max_size: int | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, connectivity: SupportsIndex = 6, value: SupportsFloat | None = None,
+    max_size: SupportsIndex | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def fill_range(
-    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
-    last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, value: SupportsFloat = 0.0, roi: Region | None = None, first: Integers | None = None,
+    last: Integers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def flip(
-    volume: Volume, axis: Literal['x', 'y', 'z'], *, roi: Value | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, axis: Literal['x', 'y', 'z'], *, roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def flip_range(
-    volume: Volume, *, axis: Literal['x', 'y', 'z'] = 'x', first: Sequence[int], last: Sequence[int],
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, axis: Literal['x', 'y', 'z'] = 'x', first: Integers, last: Integers, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
-def from_dlpack(array: Any, **geometry: Any) -> Volume: ...
+def from_dlpack(array: Any, *, copy: bool = False, **geometry: Any) -> Volume: ...
 def from_xarray(array: Any) -> Volume: ...
 def histogram(
-    volume: Volume, *, bins: int = 256, range: Value = 'minmax', roi: Value | None = None, mergeable: bool = False,
-    merge: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    volume: Volume, *, bins: SupportsIndex = 256, range: Value = 'minmax', roi: Region | None = None,
+    mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def info(
-    *volumes: Volume, head: bool = False, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    *volumes: Volume, head: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def label(
-    volume: Volume, *, connectivity: int = 6, by_value: bool = False, keep_largest: int | None = None,
-    min_size: int = 1, dtype: DType = 'uint32', roi: Value | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, connectivity: SupportsIndex = 6, by_value: bool = False,
+    keep_largest: SupportsIndex | None = None, min_size: SupportsIndex = 1, dtype: DType = 'uint32',
+    roi: Region | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def mesh(
-    volume: Volume, *, iso: float | None = None, label: int | Sequence[int] | None = None, labels: bool = False,
-    roi: Value | None = None, open: bool = False, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, iso: SupportsFloat | None = None, label: SupportsIndex | Integers | None = None,
+    labels: bool = False, roi: Region | None = None, open: bool = False, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def morphology(
-    volume: Volume, what: Literal['erode', 'dilate', 'open', 'close', 'gradient', 'tophat'], *, radius: int = 1,
-    shape: Literal['ball', 'box'] = 'ball', boundary: str = 'mirror', roi: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, what: Literal['erode', 'dilate', 'open', 'close', 'gradient', 'tophat'], *,
+    radius: SupportsIndex = 1, shape: Literal['ball', 'box'] = 'ball', boundary: str = 'mirror',
+    roi: Region | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def operations() -> list[str]: ...
 def pad(
-    volume: Volume, *, by: int, boundary: str = 'border:0', value: float | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, by: SupportsIndex, boundary: str = 'border:0', value: SupportsFloat | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def permute(
-    volume: Volume, order: Value, *, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    volume: Volume, order: Value, *, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def project(
     volume: Volume, what: Literal['max', 'min', 'mean', 'sum', 'std', 'median'], *,
-    axis: Literal['x', 'y', 'z'] = 'z', roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    axis: Literal['x', 'y', 'z'] = 'z', roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def read(path: str | os.PathLike[str], **options: Any) -> Volume: ...
 def read_stream(file: Any) -> Iterator[Volume]: ...
 def refine(
-    volume: Volume, *, tolerance: float, metric: Literal['value', 'gradient', 'transfer'] = 'value',
-    transfer: Value | None = None, block_size: int = 8, levels: int = 8,
+    volume: Volume, *, tolerance: SupportsFloat, metric: Literal['value', 'gradient', 'transfer'] = 'value',
+    transfer: Value | None = None, block_size: SupportsIndex = 8, levels: SupportsIndex = 8,
     method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: DType | None = None,
-    background: float | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    background: SupportsFloat | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
-def render(volume: Volume, **options: Any) -> np.ndarray[Any, np.dtype[Any]] | bytes: ...
+@overload
+def render(volume: Volume, *, format: Literal['uint8', 'float'] = 'uint8', **options: Any) -> Array: ...
+@overload
+def render(volume: Volume, *, format: Literal['png'], **options: Any) -> bytes: ...
 def resample(
-    volume: Volume, *, scale: float | Sequence[float] | None = None, dims: Sequence[int] | None = None,
-    spacing: float | Sequence[float] | None = None, like: Value | None = None, cells: float | None = None,
+    volume: Volume, *, scale: SupportsFloat | Numbers | None = None, dims: Integers | None = None,
+    spacing: SupportsFloat | Numbers | None = None, like: Volume | Value | None = None,
+    cells: SupportsFloat | None = None,
     method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
-    tolerance: float | None = None, roi: Value | None = None, roi_world: Value | None = None,
-    background: float | None = None, mask: bool = False, boundary: str | None = None, dtype: DType | None = None,
-    bytes_per_voxel: int | None = None, dist: Sequence[float] | None = None,
-    voxel_mapping: Sequence[float] | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    tolerance: SupportsFloat | None = None, roi: Region | None = None, roi_world: Region | None = None,
+    background: SupportsFloat | None = None, mask: bool = False, boundary: str | None = None,
+    dtype: DType | None = None, bytes_per_voxel: SupportsIndex | None = None, dist: Numbers | None = None,
+    voxel_mapping: Numbers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def rotate(
-    volume: Volume, *, axis: Value | None = None, angle: float | None = None,
-    euler: float | Sequence[float] | None = None, quaternion: Value | None = None,
-    about: float | Sequence[float] | None = None, expand: bool = False, like: Value | None = None,
-    roi: Value | None = None,
+    volume: Volume, *, axis: Value | None = None, angle: SupportsFloat | None = None,
+    euler: SupportsFloat | Numbers | None = None, quaternion: Value | None = None,
+    about: SupportsFloat | Numbers | None = None, expand: bool = False, like: Volume | Value | None = None,
+    roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def scale(
-    volume: Volume, *, factor: float | Sequence[float], about: float | Sequence[float] | None = None,
-    expand: bool = False, like: Value | None = None, roi: Value | None = None,
+    volume: Volume, *, factor: SupportsFloat | Numbers, about: SupportsFloat | Numbers | None = None,
+    expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def scan(
-    volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def set(
-    volume: Volume, *, spacing: float | Sequence[float] | None = None, dist: Sequence[float] | None = None,
-    origin: float | Sequence[float] | None = None, direction: Value | None = None, units: Value | None = None,
-    slope: float | None = None, intercept: float | None = None, voxel_mapping: Sequence[float] | None = None,
-    attribute: Value | None = None, dims: Sequence[int] | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, spacing: SupportsFloat | Numbers | None = None, dist: Numbers | None = None,
+    origin: SupportsFloat | Numbers | None = None, direction: Value | None = None, units: Value | None = None,
+    slope: SupportsFloat | None = None, intercept: SupportsFloat | None = None, voxel_mapping: Numbers | None = None,
+    attribute: str | Sequence[str] | Mapping[str, Any] | None = None, dims: Integers | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def slice(
-    volume: Volume, *, axis: Literal['x', 'y', 'z'] | None = None, x: int | None = None, y: int | None = None,
-    z: int | None = None, range: Value | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, axis: Literal['x', 'y', 'z'] | None = None, x: SupportsIndex | None = None,
+    y: SupportsIndex | None = None, z: SupportsIndex | None = None, range: Value | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def stats(
-    *volumes: Volume, roi: Value | None = None, percentiles: float | Sequence[float] | None = None,
+    *volumes: Volume, roi: Region | None = None, percentiles: SupportsFloat | Numbers | None = None,
     mask: Volume | None = None, labels: Volume | None = None, per: Literal['x', 'y', 'z'] | None = None,
-    mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def threshold(
-    volume: Volume, *, above: float | None = None, below: float | None = None, range: Value | None = None,
-    otsu: bool = False, roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, above: SupportsFloat | None = None, below: SupportsFloat | None = None,
+    range: Value | None = None, otsu: bool = False, roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
-def to_xarray(volume: Volume) -> Any: ...
+def to_xarray(volume: Volume, stored: bool = False) -> Any: ...
 def transform(volume: Volume, what: Any, *others: Volume, **options: Any) -> Volume: ...
 def trim() -> int: ...
 def watershed(
-    volume: Volume, *, markers: Volume | None = None, depth: float = 0.0,
-    on: Literal['value', 'gradient', 'distance'] = 'value', connectivity: int = 6, mask: Volume | None = None,
-    line: bool = False, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    volume: Volume, *, markers: Volume | None = None, depth: SupportsFloat = 0.0,
+    on: Literal['value', 'gradient', 'distance'] = 'value', connectivity: SupportsIndex = 6,
+    mask: Volume | None = None, line: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
-def write_stream(file: Any, volumes: Volume | Iterable[Volume], **options: Any) -> None: ...
+def write_stream(file: Any, volumes: Volume | Array | Iterable[Volume | Array], **options: Any) -> None: ...

@@ -123,7 +123,11 @@ class Error(Exception):
 
 def check(status):
     if status != 0:
-        raise Error(library.vkt_error().decode(), status, library.vkt_error_hint().decode())
+        message, hint = library.vkt_error().decode(), library.vkt_error_hint().decode()
+        if hint:
+            from ._hints import in_python  # which asks the library what it knows
+            hint = in_python(hint)
+        raise Error(message, status, hint)
 
 
 def words_of(words):
@@ -133,7 +137,9 @@ def words_of(words):
 
 def value_word(value):
     """A Python value as one word: numbers as they are, three of them as X,Y,Z."""
-    if isinstance(value, (list, tuple, np.ndarray)):
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
         return ",".join(value_word(part) for part in value)
     if isinstance(value, (bool, np.bool_)):
         raise Error(f"{value} is no value; flags are given as name=True", 2)
@@ -144,11 +150,27 @@ def value_word(value):
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 
 
+def _range_word(part):
+    """A slice or a pair as FROM:TO, or FROM:TO:STEP; an index as it is. None is the edge."""
+    if isinstance(part, slice):
+        part = (part.start, part.stop) if part.step is None else (part.start, part.stop, part.step)
+    if part is Ellipsis:
+        return ":"
+    if isinstance(part, (list, tuple, np.ndarray)):
+        return ":".join("" if bound is None else value_word(bound) for bound in part)
+    return value_word(part)
+
+
 def option_words(options):
-    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out."""
+    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out. Regions are
+    slices or pairs for x, y and z, and what KEY=VALUE sets is a dict as well."""
     words = []
     for name, value in options.items():
         name = "--" + name.rstrip("_").replace("_", "-")
+        if name in ("--roi", "--roi-world") and isinstance(value, (list, tuple, np.ndarray)):
+            value = ",".join(_range_word(part) for part in value)
+        elif isinstance(value, dict):
+            value = [f"{key}={'' if part is None else value_word(part)}" for key, part in value.items()] or None
         if value is True:
             words.append(name)
         elif isinstance(value, (list, tuple)) and value and all(isinstance(part, str) for part in value):

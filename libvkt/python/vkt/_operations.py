@@ -10,7 +10,7 @@ import shlex
 import textwrap
 import typing
 import warnings
-from typing import Any, Literal, Sequence  # noqa: F401  what annotations name
+from typing import Any, Literal, Mapping, Sequence  # noqa: F401  what annotations name
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ._library import Error, VoxelFunction, check, library, option_words, text_o
 
 # What options without a kind of their own take: "50%", 0.5, (1, 2, 3), a path.
 Value = typing.Union[str, float, Sequence[float], os.PathLike]
+Region = typing.Union[str, Sequence[typing.Union[slice, int, Sequence[typing.Optional[float]]]]]  # x, y and z
 DType = typing.Union[str, type, np.dtype]
 
 
@@ -53,7 +54,8 @@ def apply(name: str, *arguments: Any, **options: Any) -> Any:
     volume, percentiles=50)["p50"], apply("diff", a, b, ssim=True)["ssim"]; of several volumes a list of these. Options
     that name volumes are given as words and volumes: apply("stats", volume, "--labels", labels)["labels"].
 
-    Arguments are volumes and words, in the order of the command line. What was lost on the way, such as values that
+    Arguments are volumes and words, in the order of the command line; an option that names a volume takes one by name,
+    too: apply("resample", volume, like=other). What was lost on the way, such as values that
     were clipped, is a warning."""
     return apply_words(name, arguments, options)
 
@@ -66,7 +68,12 @@ def apply_words(name, arguments, options):
             words.append("-")
         else:
             words.append(value_word(argument))
-    words += option_words(options)
+    for key, value in options.items():
+        if isinstance(value, volume_class):
+            inputs.append(value)
+            words += ["--" + key.rstrip("_").replace("_", "-"), "-"]
+        else:
+            words += option_words({key: value})
     return applied(name, words, inputs)
 
 
@@ -145,6 +152,12 @@ def annotation_text(parameter):
     """The type of a parameter as stubs write it."""
     if parameter["volume"]:
         return "Volume | float" if parameter["positional"] and parameter["name"] in ("a", "b", "c") else "Volume"
+    if parameter["volume_file"]:
+        return "Volume | np.ndarray | Value" if parameter["positional"] else "Volume | Value"
+    if parameter["name"] in ("roi", "roi-world"):
+        return "Region"
+    if parameter["value"] == "KEY=VALUE":
+        return "str | Sequence[str] | Mapping[str, Any]"
     if parameter["flag"]:
         return "bool"
     if parameter["kind"] == "choice":
@@ -194,8 +207,14 @@ class _Argument:
                 self.text += " | None"
 
     def words(self, value, inputs, volume_class, operation):
+        takes_file = self.parameter is not None and self.parameter["volume_file"]
+        if takes_file and isinstance(value, np.ndarray):
+            if not self.parameter["positional"]:
+                raise Error(f"{operation}: {self.name} is to be a vkt.Volume or a file: an array lies nowhere", 2,
+                            "vkt.Volume(array, spacing=..., origin=...)")
+            value = volume_class(value)  # a kernel, of which only the values count
         if isinstance(value, volume_class):
-            if self.parameter is not None and not self.parameter["volume"]:
+            if self.parameter is not None and not self.parameter["volume"] and not takes_file:
                 raise Error(f"{operation}: {self.name} takes no volume in memory", 2, "write it, and give its name")
             inputs.append(value)
             if self.parameter is None:
@@ -247,6 +266,9 @@ def _documentation(operation, arguments):
             help_ = ""
         if help_:
             lines.append(filled(help_, "    "))
+        if argument.text.startswith("Region"):
+            lines.append(filled("Also slices or pairs in the order x, y, z, which is not that of the array: "
+                                "numpy.s_[0:10, :, 4:], ((0, 10), (0, 20), (4, 9)).", "    "))
     parts.append("\n".join(lines))
     makes = "Volume" if operation["result"] == "volume" else "dict"
     told = "" if makes == "Volume" else f"\n    What `vkt {operation['name']} --json` prints; a list of these of several."

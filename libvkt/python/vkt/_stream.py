@@ -1,14 +1,16 @@
 """Streams of vkt (vkt-stream(5)) over files, pipes of subprocesses and whatever reads or writes bytes."""
 # SPDX-License-Identifier: MIT
 import ctypes
+import errno
 import io
 import os
-import shutil
 import socket
 import threading
 from typing import Any, Iterable, Iterator
 
-from ._library import check, library, option_words, words_of
+import numpy as np
+
+from ._library import Error, check, library, option_words, words_of
 from ._volume import Volume
 
 
@@ -17,7 +19,9 @@ def read_stream(file: Any) -> "Iterator[Volume]":
     that of a pipe, of a socket or of a file on disk, a descriptor, or any object with read(), such as io.BytesIO. Of a
     pipe nothing may have been read before.
 
-    A stream that is damaged or breaks off raises vkt.Error, and so does one whose writer failed, with what that said."""
+    A stream that is damaged or breaks off raises vkt.Error, and so does one whose writer failed, with what that said.
+    What read() raises comes out here."""
+    _check_file(file, "read")
     return _volumes(file)
 
 
@@ -26,7 +30,7 @@ def _volumes(file):
     pump = None
     if descriptor is None:
         descriptor, into = os.pipe()
-        pump = _Pump(file, open(into, "wb"))
+        pump = _Pump(_fill, file, open(into, "wb", buffering=0))
     reader = ctypes.c_void_p()
     try:
         try:
@@ -42,29 +46,38 @@ def _volumes(file):
             yield Volume._of(handle)
         if pump:
             pump.finish()
+    except Error:
+        if pump and pump.error is not None:  # the stream breaks off because of that
+            raise pump.error from None
+        raise
     finally:
         library.vkt_stream_free_reader(reader)
 
 
-def write_stream(file: Any, volumes: "Volume | Iterable[Volume]", **options: Any) -> None:
-    """Writes one volume or several as a stream: write_stream(process.stdin, volume). The file is that of a pipe, of a
-    socket or of a file on disk, a descriptor, or any object with write(); it stays open, and who reads a pipe waits until
-    it is closed. Options: transport="shm" gives voxels to a vkt at the other end of a pipe without copying them,
-    transport="gpu" leaves them in GPU memory for one that works there, no_checksum=True. What iterating over the volumes raises is told to the reader, which fails as well."""
-    if isinstance(volumes, Volume):
-        volumes = [volumes]
+def write_stream(file: Any, volumes: "Volume | np.ndarray | Iterable[Volume | np.ndarray]", **options: Any) -> None:
+    """Writes one volume or several as a stream: write_stream(process.stdin, volume). An array of NumPy is one volume,
+    vkt.Volume(array). The file is that of a pipe, of a socket or of a file on disk, a descriptor, or any object with
+    write(); it stays open, and who reads a pipe waits until it is closed. Options: transport="shm" gives voxels to a vkt at the other end of a pipe without copying them,
+    transport="gpu" leaves them in GPU memory for one that works there, no_checksum=True. What iterating over the volumes
+    raises is told to the reader, which fails as well; what write() raises comes out here."""
+    _check_file(file, "write")
+    if isinstance(volumes, (Volume, np.ndarray)):
+        volumes = [_volume_of(volumes)]
+    elif not hasattr(volumes, "__iter__") or isinstance(volumes, (str, bytes)):
+        raise _no_volume(volumes)
     if hasattr(file, "flush"):
         file.flush()
     descriptor = _descriptor(file)
     pump = None
     if descriptor is None:
         source, descriptor = os.pipe()
-        pump = _Pump(open(source, "rb"), file)
+        pump = _Pump(_empty, file, open(source, "rb", buffering=0))
     writer = ctypes.c_void_p()
     try:
         check(library.vkt_stream_create(descriptor, *words_of(option_words(options)), ctypes.byref(writer)))
         try:
             for volume in volumes:
+                volume = _volume_of(volume)  # which must live until it is written
                 check(library.vkt_stream_put(writer, volume._handle))
         except Exception as error:
             library.vkt_stream_fail(writer, str(error).encode())
@@ -75,6 +88,28 @@ def write_stream(file: Any, volumes: "Volume | Iterable[Volume]", **options: Any
         if pump:
             os.close(descriptor)
             pump.finish()
+
+
+def _volume_of(item):
+    if isinstance(item, Volume):
+        return item
+    if isinstance(item, np.ndarray):
+        return Volume(item)
+    raise _no_volume(item)
+
+
+def _no_volume(item):
+    return TypeError(f"a stream is of volumes, and this is {type(item).__name__}: vkt.Volume(array), vkt.read(path)")
+
+
+def _check_file(file, method):
+    """Who asks with something else hears of it at once, and not of a stream that broke off."""
+    if isinstance(file, io.TextIOBase):
+        raise TypeError(f"a stream is bytes, and this file is one of text ({type(file).__name__}): open(path, "
+                        f"'{method[0]}b'), sys.{'stdin' if method == 'read' else 'stdout'}.buffer, io.BytesIO")
+    if not isinstance(file, (int, socket.socket)) and not callable(getattr(file, method, None)):
+        raise TypeError(f"{type(file).__name__} is no file: a stream takes one of bytes, a socket, a descriptor, or an "
+                        f"object with {method}()")
 
 
 def stream_bytes(volume):
@@ -112,29 +147,61 @@ def _descriptor(file):
 
 
 class _Pump:
-    """Carries bytes from one file to another in a thread, and closes that of the two which is a pipe's."""
+    """Carries bytes between a file and a pipe in a thread, and closes the pipe."""
 
-    def __init__(self, source, sink):
-        self._error = None
-        self._thread = threading.Thread(target=self._run, args=(source, sink), daemon=True)
+    def __init__(self, carry, file, pipe):
+        self.error = None  # what the file raised
+        self._thread = threading.Thread(target=self._run, args=(carry, file, pipe), daemon=True)
         self._thread.start()
 
-    def _run(self, source, sink):
+    def _run(self, carry, file, pipe):
         try:
-            shutil.copyfileobj(source, sink, 1 << 20)
-        except BrokenPipeError:
-            pass  # the reader has what it wants
-        except Exception as error:
-            self._error = error
+            carry(file, pipe)
+        except BaseException as error:  # of a thread nobody would see it
+            self.error = error
         finally:
-            for file in source, sink:
-                if isinstance(getattr(file, "name", None), int):  # opened by its descriptor
-                    try:
-                        file.close()
-                    except OSError:
-                        pass
+            pipe.close()
 
     def finish(self):
         self._thread.join()
-        if self._error is not None:
-            raise self._error
+        if self.error is not None:
+            raise self.error
+
+
+_PIECE = 1 << 20
+
+
+def _fill(file, pipe):
+    while True:
+        data = file.read(_PIECE)
+        if data is None:
+            raise BlockingIOError(errno.EAGAIN, "the file does not wait for its bytes: make it blocking")
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise TypeError(f"a stream is bytes, and read() gave {type(data).__name__}")
+        if not data:
+            return
+        try:
+            _write_all(pipe, data)
+        except BrokenPipeError:
+            return  # the reader has what it wants
+
+
+def _empty(file, pipe):
+    while data := pipe.read(_PIECE):
+        _write_all(file, data)
+
+
+def _write_all(file, data):
+    """A raw file may take less than it is given, and says how much. What is no file of Python's and says nothing has
+    taken all."""
+    while len(data) > 0:
+        taken = file.write(data)
+        if taken is None and not isinstance(file, io.RawIOBase):
+            return
+        if taken is None:
+            raise BlockingIOError(errno.EAGAIN, "the file does not wait until it has room: make it blocking")
+        if not 0 < taken <= len(data):
+            raise OSError(errno.EIO, f"the file took {taken} of {len(data)} bytes")
+        if taken == len(data):
+            return
+        data = memoryview(data)[taken:]

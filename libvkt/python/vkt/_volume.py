@@ -48,6 +48,8 @@ class Volume:
     order x, y, z; the columns of the 3 x 3 matrix direction are the world directions in which x, y and z grow, so that
     world = origin + direction @ (spacing * index).
 
+    A masked array is refused where something is masked: array.filled(value) says what that is to be.
+
     numpy.asarray(volume) and numpy.from_dlpack(volume), or that of any package for memory of the host, show the voxels in
     place. Volumes can be pickled, with geometry, value map, attributes and history.
 
@@ -59,6 +61,10 @@ class Volume:
                  origin: "Sequence[float] | None" = None, direction: Any = None, slope: "float | None" = None,
                  intercept: "float | None" = None, units: "str | None" = None, like: "Volume | None" = None,
                  copy: bool = True):
+        if np.ma.is_masked(array):
+            raise Error("a volume has no mask, and this array leaves values out by one", 2,
+                        "say what they are to be: array.filled(0); the mask is a volume of its own: "
+                        "vkt.Volume(numpy.ma.getmaskarray(array))")
         on_gpu = _cuda.array_of(array)
         array = np.asarray(array) if on_gpu is None else on_gpu
         if array.dtype == bool:
@@ -276,10 +282,10 @@ class Volume:
         """vkt.transform() of this volume."""
         return _operations.transformed(self, what, others, options)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self, stored: bool = False) -> Any:
         """vkt.to_xarray() of this volume."""
         from ._xarray import to_xarray
-        return to_xarray(self)
+        return to_xarray(self, stored)
 
     def _repr_html_(self) -> str:
         """For notebooks: three slices through the middle, as grey from the 1st to the 99th percentile, and a
@@ -301,14 +307,16 @@ def _from_stream(data):
 def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     """The volume of a file of any format that vkt knows, or of a segment of shared memory, "shm:NAME", which is mapped
     and not copied. Options are those of `vkt read`: dims, dtype, skip, endian, spacing, format, variable, roi,
-    personal, and trust_paths=True for headers that may name files anywhere; and index, counted from 0, for a file that holds several volumes."""
+    personal, and trust_paths=True for headers that may name files anywhere; and index, counted from 0, for a file that
+    holds several volumes. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
     handle = ctypes.c_void_p()
     check(library.vkt_read(os.fsencode(path), *words_of(option_words(options)), ctypes.byref(handle)))
     return Volume._of(handle)
 
 
-def from_dlpack(array: Any, **geometry: Any) -> Volume:
+def from_dlpack(array: Any, *, copy: bool = False, **geometry: Any) -> Volume:
     """A volume of the memory of an array [z, y, x] of another package, of the host or of a GPU, used in place; it must not
-    change as long as the volume and what was made of it exist. Geometry is that of vkt.Volume()."""
+    change as long as the volume and what was made of it exist. With copy=True a copy of it, in whatever order the array
+    has its elements. Geometry is that of vkt.Volume()."""
     on_gpu = array.__dlpack_device__()[0] == _dlpack.GPU
-    return Volume(_dlpack.taken(array) if on_gpu else np.from_dlpack(array), copy=False, **geometry)
+    return Volume(_dlpack.taken(array) if on_gpu else np.from_dlpack(array), copy=copy, **geometry)

@@ -9,12 +9,17 @@ from ._library import Error
 from ._volume import Volume
 
 
-def to_xarray(volume: Volume) -> Any:
-    """An xarray.DataArray of the stored values in place, with the dimensions z, y and x. Its coordinates are positions in
-    the world where the axes of the volume are those of the world, up to their signs; else distances from the first voxel
-    along each axis. attrs holds what from_xarray() makes the same volume of: origin, spacing, direction, units, and
-    scale_factor and add_offset (the conventions of CF: physical = scale_factor * stored + add_offset) where there is a
-    value map, space, and the history as JSON."""
+def to_xarray(volume: Volume, stored: bool = False) -> Any:
+    """An xarray.DataArray of the physical values, those that the units are of, with the dimensions z, y and x. Its
+    coordinates are positions in the world where the axes of the volume are those of the world, up to their signs; else
+    distances from the first voxel along each axis. attrs holds what from_xarray() makes the same volume of: origin,
+    spacing, direction, units, space, and the history as JSON.
+
+    Without a value map the values are those of the volume, in place. With one they are float64, or float32 where the
+    type of the voxels and the map leave nothing to round; and encoding says how they were stored, as xarray has it of a
+    file (dtype, scale_factor, add_offset, by the conventions of CF), so that to_netcdf() packs them again. stored=True
+    gives the stored values in place, packed as CF has it: scale_factor and add_offset are in attrs, xarray.decode_cf()
+    applies them, and from_xarray() makes a value map of them."""
     import xarray
 
     header = volume.header
@@ -26,20 +31,27 @@ def to_xarray(volume: Volume) -> Any:
                   "direction": volume.direction.ravel().tolist()}
     if volume.units:
         attributes["units"] = volume.units
-    if (volume.slope, volume.intercept) != (1, 0):
-        attributes |= {"scale_factor": volume.slope, "add_offset": volume.intercept}
+    mapped = (volume.slope, volume.intercept) != (1, 0)
+    packing = {"scale_factor": volume.slope, "add_offset": volume.intercept} if mapped else {}
+    if stored:
+        attributes |= packing
     if volume.space:
         attributes["space"] = volume.space
     if "history" in header:
         attributes["vkt_history"] = json.dumps(header["history"])
-    return xarray.DataArray(volume.array, coordinates, ("z", "y", "x"), attrs=attributes)
+    values = volume.array if stored or not mapped else _physical(volume)
+    array = xarray.DataArray(values, coordinates, ("z", "y", "x"), attrs=attributes)
+    if mapped and not stored:
+        array.encoding |= {"dtype": volume.dtype, **packing}
+    return array
 
 
 def from_xarray(array: Any) -> Volume:
     """A volume of an xarray.DataArray of up to three dimensions, called x, y and z, in any order, or else in the order of
     the last three: slices, rows, columns. Coordinates must be numbers at equal distances, or be absent: they give spacing
     and origin, and a direction where they fall. attrs may say direction, origin (beside a direction that is not that of
-    the world's axes), units, scale_factor, add_offset and space, as to_xarray() does."""
+    the world's axes), units and space, as to_xarray() does, and scale_factor and add_offset of values that are stored.
+    encoding, which says how a file held the values, decides nothing: a volume of physical values has them as they are."""
     names = list(array.dims)
     if not 1 <= len(names) <= 3:
         raise Error(f"an array of the dimensions {', '.join(map(str, names)) or 'none'} is no volume", 2,
@@ -75,6 +87,18 @@ def from_xarray(array: Any) -> Volume:
     if attributes.get("space"):
         volume = volume.apply("set", attribute=f"space={attributes['space']}")
     return volume
+
+
+def _physical(volume):
+    """Physical values, rounded once. Whole numbers below 2^24 are float32, which holds all of them."""
+    slope, intercept = volume.slope, volume.intercept
+    exact = False
+    if volume.dtype.kind in "iu" and float(slope).is_integer() and float(intercept).is_integer():
+        ends = np.iinfo(volume.dtype)
+        exact = abs(slope) * max(abs(ends.min), ends.max) + abs(intercept) <= 2 ** 24
+    values = np.multiply(volume.array, slope, dtype=np.float32 if exact else np.float64)
+    values += intercept
+    return values
 
 
 def _signs(direction):
