@@ -196,3 +196,9 @@ END
     vkt read out.nrrd | vkt write got_24x20x16_uint8.raw
     cmp want_24x20x16_uint8.raw got_24x20x16_uint8.raw
 }
+
+@test "surfaces: vertices and triangles in memory, and the file that the command writes" {
+    run -0 calls surface
+    vkt make sphere --dims 24 24 24 --radius 8 | vkt mesh --iso 0.5 --normals -o command.ply
+    cmp ball.ply command.ply
+}

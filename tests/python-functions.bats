@@ -250,3 +250,30 @@ thread.join()
 assert took > 0.05 and during > 10, (took, during)
 EOF2
 }
+
+@test "surfaces: arrays of vertices and triangles, reports, files and labels" {
+    PYTHONPATH="$site" /usr/bin/python3 -W error - <<'END'
+import numpy as np, vkt, warnings
+z, y, x = np.mgrid[0:20, 0:20, 0:20]
+ball = vkt.Volume((8 - np.sqrt((x - 9.5) ** 2 + (y - 9.5) ** 2 + (z - 9.5) ** 2)).astype("f4"))
+s = vkt.surface(ball, iso=0)
+v, t = s.vertices(), s.triangles()
+assert len(s) == 1 and v.shape == (s.report["vertices"], 3) and t.shape == (s.report["triangles"], 3) and s.report["euler"] == 2
+assert np.abs(np.linalg.norm(v - 9.5, axis=1) - 8).max() < 0.05
+a, b, c = v[t[:, 0]], v[t[:, 1]], v[t[:, 2]]
+assert abs(np.einsum("ij,ij->", a - 9.5, np.cross(b - 9.5, c - 9.5)) / 6 - s.report["volume"]) < 1e-6 * s.report["volume"]
+s.write("ball.vtp"); s.write("ball.ply", normals=True)
+for path in "ball.vtp", "ball.xyz":
+    try: s.write(path)
+    except vkt.Error as e: assert path in str(e)
+    else: raise AssertionError(path)
+two = np.zeros((9, 9, 9), "u1"); two[1:4, 1:4, 1:4] = 3; two[5:8, 5:8, 5:8] = 7
+parts = vkt.surface(vkt.Volume(two), labels=True)
+assert [parts.label(i) for i in range(len(parts))] == [3, 7] and [p["label"] for p in parts.report["labels"]] == [3, 7]
+assert np.allclose(parts.vertices(1).mean(axis=0), 6)
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    assert len(vkt.surface(ball, iso=1e9).vertices()) == 0
+assert "no surface" in str(said[0].message)
+END
+}

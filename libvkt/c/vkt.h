@@ -218,6 +218,35 @@ VKT_API vkt_status vkt_picture_png(vkt_picture const* picture, void const** byte
 /** Takes null, too. */
 VKT_API void vkt_free_picture(vkt_picture* picture);
 
+/** Surfaces through a volume, as triangles. */
+typedef struct vkt_surface vkt_surface;
+/** One of them; valid as long as the surface. */
+typedef struct vkt_surface_view {
+    int64_t label;             /**< whose surface it is; 0 of a value */
+    int64_t vertices;          /**< how many */
+    double const* coordinates; /**< x, y and z of each, in the world */
+    int64_t triangles;         /**< how many */
+    uint32_t const* corners;   /**< three numbers of vertices of each, counterclockwise seen from outside */
+} vkt_surface_view;
+/** Makes the closed surface of a value, {"--iso", "0.5"}, or of each label, {"--labels"}. Options are those of
+   `vkt mesh` but for those of its file. VKT_RESOURCES where the triangles exceed the memory. */
+VKT_API vkt_status vkt_make_surface(vkt_volume const* volume, char const* const* words, size_t count,
+                                    vkt_surface** surface);
+/** How many: one of a value, and one of each label. 0 of a null surface. */
+VKT_API int64_t vkt_surface_parts(vkt_surface const* surface);
+/** VKT_USAGE for a part that is not there; they are counted from 0. */
+VKT_API vkt_status vkt_surface_part(vkt_surface const* surface, int64_t part, vkt_surface_view* view);
+/** What `vkt mesh --json` reports: vertices, triangles, area, volume and Euler characteristic. */
+VKT_API char const* vkt_surface_report(vkt_surface const* surface);
+/** That a value has no surface, in one line; "" if nothing. */
+VKT_API char const* vkt_surface_remarks(vkt_surface const* surface);
+/** Writes a file whose name tells the format: .stl, .ply, .obj or .vtp. Options: --format, --ascii, --normals,
+   --force. */
+VKT_API vkt_status vkt_surface_write(vkt_surface const* surface, char const* path, char const* const* words,
+                                     size_t count);
+/** Takes null, too. */
+VKT_API void vkt_free_surface(vkt_surface* surface);
+
 /** Gives memory of freed volumes back to the system; returns how many bytes. Until then up to as much as a volume may
    take is kept, since touching fresh memory can cost more than an operation. The system takes it back by itself when
    memory is short, and it is given back where the limit of a control group or of the process would be met. */

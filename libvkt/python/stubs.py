@@ -95,7 +95,7 @@ def class_stub(cls):
             lines.append("    @property")
             lines.append(f"    def {name}(self) -> {annotation(inspect.signature(member.fget).return_annotation)}: ...")
         elif inspect.isfunction(member) and (not name.startswith("_") or name in (
-                "__init__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "__enter__", "__exit__",
+                "__init__", "__len__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "__enter__", "__exit__",
                 "_repr_html_")):
             lines.append(stub(member, name, "    "))
     return "\n".join(lines) + "\n"
@@ -109,7 +109,7 @@ def stubs():
         lines = [stub(getattr(module, function)) for function in module.__all__]
         files[name + ".pyi"] = (HEAD + IMPORTS.replace("Iterable, Iterator, ", "").replace(", overload", "") +
                                 "from . import Array, DType, Integers, Numbers, Region, Value, Volume\n\n" + "\n".join(lines) + "\n")
-    classes = [class_stub(vkt.Error), class_stub(vkt.Volume), class_stub(vkt.policy)]
+    classes = [class_stub(c) for c in (vkt.Error, vkt.Surface, vkt.Volume, vkt.policy)]
     functions = sorted(name for name, value in vars(vkt).items()
                        if inspect.isfunction(value) and not name.startswith("_"))
     aliases = ("Array = np.ndarray[Any, np.dtype[Any]]\n"

@@ -182,9 +182,45 @@ static int cancel(char const* path) {
     return 0;
 }
 
+static int surface(void) {
+    vkt_volume* volume = NULL;
+    vkt_surface* made = NULL;
+    vkt_surface_view view;
+    MUST(vkt_apply(WORDS("make", "sphere", "--dims", "24,24,24", "--radius", "8"), NULL, 0, &volume) == VKT_OK);
+    MUST(vkt_make_surface(volume, WORDS("--iso", "0.5"), &made) == VKT_OK && vkt_surface_parts(made) == 1);
+    MUST(vkt_surface_part(made, 0, &view) == VKT_OK && view.label == 0 && view.vertices > 100);
+    MUST(view.triangles == 2 * view.vertices - 4); /* as of every sphere */
+    for (int64_t i = 0; i < 3 * view.triangles; ++i) MUST((int64_t)view.corners[i] < view.vertices);
+    for (int64_t i = 0; i < view.vertices; ++i) {
+        double r2 = 0;
+        for (int a = 0; a < 3; ++a) r2 += (view.coordinates[3 * i + a] - 11.5) * (view.coordinates[3 * i + a] - 11.5);
+        MUST(r2 > 6.5 * 6.5 && r2 < 9.5 * 9.5);
+    }
+    MUST(strstr(vkt_surface_report(made), "\"euler\": 2") != NULL && *vkt_surface_remarks(made) == 0);
+    MUST(vkt_surface_part(made, 1, &view) == VKT_USAGE && strstr(vkt_error(), "counted from 0") != NULL);
+    MUST(vkt_surface_write(made, "ball.ply", NULL, 0) == VKT_OK);
+    MUST(vkt_surface_write(made, "ball.ply", NULL, 0) == VKT_IO && strstr(vkt_error(), "exists") != NULL);
+    MUST(vkt_surface_write(made, "ball.ply", WORDS("--force", "--normals")) == VKT_OK);
+    MUST(vkt_surface_write(made, "ball.xyz", NULL, 0) == VKT_USAGE);
+    MUST(vkt_surface_write(made, "ball.stl", WORDS("--normals")) == VKT_USAGE);
+    vkt_free_surface(made);
+    made = NULL;
+    MUST(vkt_make_surface(volume, WORDS("--iso", "1e9"), &made) == VKT_OK && *vkt_surface_remarks(made) != 0);
+    vkt_free_surface(made);
+    made = NULL;
+    MUST(vkt_make_surface(volume, NULL, 0, &made) == VKT_USAGE && made == NULL);
+    MUST(vkt_make_surface(NULL, WORDS("--iso", "1"), &made) == VKT_USAGE);
+    MUST(vkt_make_surface(volume, WORDS("--iso", "0.5", "--memory", "10KiB"), &made) == VKT_RESOURCES && made == NULL);
+    MUST(vkt_surface_parts(NULL) == 0);
+    vkt_free_surface(NULL);
+    vkt_free(volume);
+    return 0;
+}
+
 int main(int argc, char** argv) {
     struct watch w = {0, 0, 0, 0, 0, pthread_self(), 0};
     if (argc == 2 && strcmp(argv[1], "policy") == 0) return policy();
+    if (argc == 2 && strcmp(argv[1], "surface") == 0) return surface();
     if (argc == 3 && strcmp(argv[1], "watch") == 0) return all_calls(argv[2], &w, VKT_OK);
     if (argc == 3 && strcmp(argv[1], "cancel") == 0) return cancel(argv[2]);
     return 2;

@@ -17,14 +17,15 @@ from ._operations import apply, operations, transform, trim
 from ._picture import render
 from ._policy import policy
 from ._stream import read_stream, write_stream
+from ._surface import Surface, surface
 from ._volume import Volume, from_dlpack, read
 from ._xarray import from_xarray, to_xarray
 
-for _public in Error, Volume, policy:  # as messages and pickles name them
+for _public in Error, Surface, Volume, policy:  # as messages and pickles name them
     _public.__module__ = __name__
 globals().update(_operations.functions([], __name__))
 
 from . import filter, make  # noqa: E402
 
-__all__ = ["Error", "Volume", "apply", "filter", "from_dlpack", "from_xarray", "make", "operations", "policy",
-           "read", "read_stream", "render", "to_xarray", "transform", "trim", "write_stream"]
+__all__ = ["Error", "Surface", "Volume", "apply", "filter", "from_dlpack", "from_xarray", "make", "operations", "policy",
+           "read", "read_stream", "render", "surface", "to_xarray", "transform", "trim", "write_stream"]

@@ -92,6 +92,13 @@ def _declare():
         "vkt_picture_remarks": (text, [volume]),
         "vkt_picture_png": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
         "vkt_free_picture": (None, [volume]),
+        "vkt_make_surface": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_surface_parts": (ctypes.c_int64, [volume]),
+        "vkt_surface_part": (ctypes.c_int, [volume, ctypes.c_int64, volume]),
+        "vkt_surface_report": (text, [volume]),
+        "vkt_surface_remarks": (text, [volume]),
+        "vkt_surface_write": (ctypes.c_int, [volume, text, words, size]),
+        "vkt_free_surface": (None, [volume]),
         "vkt_trim": (size, []),
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
