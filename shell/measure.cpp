@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "shell/measure.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
 
 namespace vkt::shell {
 
@@ -42,9 +44,15 @@ int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& cont
             },
         .print = [&](std::string_view lines) { context.print(std::string(lines)); },
     };
+    std::vector<Error> failures;
+    if (inputs.size() > 1) measurement.failed = [&](Error const& e) { failures.push_back(e); };
     measurement.info.format = [&context](std::string const& input) { return context.format(input); };
     operation_->measure(measurement);
     if (!reports.empty()) print(reports, measurement.form, context); // none: a dry run
+    if (!failures.empty()) // with the code of the first
+        throw Error(failures.front().kind(),
+                    join(collect(failures, [](Error const& e) { return std::string(e.what()); }), "; "),
+                    failures.front().hint());
     return operation_->satisfied() ? 0 : 1;
 }
 

@@ -169,3 +169,19 @@ END
     vkt slice v.nrrd --range 0:7 -o grey.png
     run ! grep -q 'not read' <(vkt info grey.png)
 }
+
+@test "of several files one that cannot be read leaves the others their report, and the command fails" {
+    vkt make ramp --dims 4 3 2 -o first.nrrd
+    vkt make ramp --dims 5 3 2 -o second.nrrd
+    head -c 60 first.nrrd >cut.nrrd
+    for command in info stats; do
+        run -4 --separate-stderr vkt $command first.nrrd missing.nrrd cut.nrrd second.nrrd
+        [ "$(grep -c '^name *\(first\|second\).nrrd' <<<"$output")" -eq 2 ]
+        [[ "$stderr" == "vkt $command: cannot open 'missing.nrrd': no such file or directory; 'cut.nrrd'"* ]]
+        run -3 --separate-stderr vkt $command cut.nrrd first.nrrd --json
+        [ "$(grep -c '"first.nrrd"' <<<"$output")" -eq 1 ]
+        # Alone it is what the command is about.
+        fails_with 4 "cannot open 'missing.nrrd'" vkt $command missing.nrrd
+    done
+    fails_with 2 "unknown option" vkt info first.nrrd missing.nrrd --nothing
+}

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/error.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/source.h"
@@ -50,6 +51,18 @@ struct Measurement {
     /// Takes text as it comes, which is what the command prints instead of reports.
     std::function<void(std::string_view)> print;
     bool named = true; ///< inputs have names, which reports of several tell
+    /// Takes what one of several inputs failed with, whose others are reported all the same; empty: that ends it.
+    std::function<void(Error const&)> failed{};
+
+    /// Measures one of so many inputs.
+    template <class F> void attempt(std::size_t of, F const& one) const {
+        try {
+            one();
+        } catch (Error const& e) {
+            if (!failed || of < 2 || (e.kind() != ErrorKind::data && e.kind() != ErrorKind::io)) throw;
+            failed(e);
+        }
+    }
 };
 
 /// Plans a reduction for the current volumes of its inputs, begins them and tells the plan. True if they are only

@@ -230,6 +230,21 @@ bool is_there_again(std::string const& path) {
            type != std::filesystem::file_type::socket;
 }
 
+/// What an input that cannot be opened says when its turn comes.
+class FailedSource : public Source {
+public:
+    explicit FailedSource(Error error) : error_(std::move(error)) {}
+    bool next_volume() override { throw Error(error_); }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::forward; }
+    void read(AnyView) override { throw Error(error_); }
+    void finish() override {}
+
+private:
+    Error error_;
+    Header header_;
+};
+
 } // namespace
 
 std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
@@ -243,6 +258,18 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
         } else if (path == "-" && previous) {
             sources.push_back(std::move(previous));
             formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
+        } else if (stage.consumer() != nullptr && stage.inputs().size() > 1) {
+            // Of several, what the others hold is told all the same.
+            try {
+                if (is_regular(path))
+                    sources.push_back(
+                        std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
+                else
+                    sources.push_back(open(stage, path));
+            } catch (Error const& e) {
+                if (e.kind() != ErrorKind::data && e.kind() != ErrorKind::io) throw;
+                sources.push_back(std::make_unique<FailedSource>(e));
+            }
         } else if (draws ? is_there_again(path) : stage.inputs().size() > 1 && is_regular(path)) {
             sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
         } else {

@@ -145,7 +145,8 @@ Plan Info::plan(std::span<Header const> inputs) const {
 
 void Info::measure(Measurement& to) {
     auto const names = input_names();
-    for (std::size_t i = 0; i < names.size(); ++i) measure_input(*to.inputs[i], names[i], to);
+    for (std::size_t i = 0; i < names.size(); ++i)
+        to.attempt(names.size(), [&] { measure_input(*to.inputs[i], names[i], to); });
 }
 
 void Info::measure_input(Source& source, std::string const& name, Measurement& to) {

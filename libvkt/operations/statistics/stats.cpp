@@ -139,13 +139,15 @@ void Stats::measure(Measurement& to) {
     for (std::size_t i = 0; i < volumes; ++i) {
         Source& source = *to.inputs[i];
         Beside others(beside);
-        while (source.next_volume()) {
-            others.next();
-            bool const planned = source.header().dry_run;
-            Report report = measured(source, beside, volumes > 1 && to.named ? files[i] : "", to);
-            if (!planned) to.report(std::move(report));
-        }
-        others.end();
+        to.attempt(volumes, [&] {
+            while (source.next_volume()) {
+                others.next();
+                bool const planned = source.header().dry_run;
+                Report report = measured(source, beside, volumes > 1 && to.named ? files[i] : "", to);
+                if (!planned) to.report(std::move(report));
+            }
+            others.end();
+        });
     }
 }
 
