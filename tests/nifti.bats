@@ -49,7 +49,7 @@ about() { vkt info "$1" --json | /usr/bin/python3 -c '
 import json, sys
 info = json.load(sys.stdin)
 for one in info if isinstance(info, list) else [info]:
-    for key in ("history", "file", "format", "access", "bytes", "name", "path"): one.pop(key, None)
+    for key in ("history", "file", "format", "access", "bytes", "name", "path", "not_read"): one.pop(key, None)
     print(json.dumps(one, sort_keys=True))'; }
 
 @test "what nibabel wrote: all types, both byte orders, both versions, files and pairs" {
@@ -350,4 +350,42 @@ END
         vkt convert scan.nii.gz -o plain.nii --force
         [ ! -e plain.json ]
     done
+}
+
+@test "extensions of text are kept as a comment, what is not kept is named" {
+    python_with nibabel
+    /usr/bin/python3 - <<'END'
+import nibabel, numpy
+from nibabel.nifti1 import Nifti1Extension
+image = nibabel.Nifti1Image(numpy.arange(60, dtype="i2").reshape(3, 4, 5), numpy.diag([1, 2, 3, 1]))
+elsewhere = numpy.diag([1, 2, 3, 1])
+elsewhere[0, 3] = 50
+image.set_qform(elsewhere, 1)
+image.set_sform(numpy.diag([1, 2, 3, 1]), 4)
+image.header.extensions.append(Nifti1Extension("comment", b"scanned upside down"))
+image.header.extensions.append(Nifti1Extension("comment", b"and twice"))
+image.header.extensions.append(Nifti1Extension("afni", b"<AFNI_attributes/>"))
+nibabel.save(image, "foreign.nii")
+END
+    vkt info foreign.nii >info
+    grep -q 'comment: scanned upside down' info
+    grep -q 'not read *an extension of 24 bytes, code 4' info
+    grep -q 'not read *a qform that places the volume elsewhere than its sform' info
+    for name in own.nii own.nii.gz own.hdr; do
+        vkt convert foreign.nii $name
+        /usr/bin/python3 - "$name" <<'END'
+import nibabel, numpy, sys
+image = nibabel.load(sys.argv[1])
+texts = [e.get_content() for e in image.header.extensions if e.get_code() == 6]
+assert texts[0].rstrip(b"\0") == b"scanned upside down\nand twice", texts
+assert (numpy.asanyarray(image.dataobj) == numpy.arange(60).reshape(3, 4, 5)).all()
+END
+        vkt diff $name foreign.nii --geometry
+        [ "$(vkt info $name | grep -c 'comment: scanned')" -eq 1 ]
+    done
+    # Volumes of one file that say different things say none of it.
+    vkt edit own.nii --attribute comment=other -o other.nii
+    vkt stack own.nii other.nii -o both.nii 2>said
+    grep -q 'differ between its volumes (comment): not kept' said
+    vkt read both.nii --index 1 | vkt diff - foreign.nii
 }

@@ -183,7 +183,7 @@ private:
     }
     void read_dims(RawLayout& layout) const;
     void read_type(RawLayout& layout) const;
-    void read_geometry(Header& volume) const;
+    void read_geometry(RawLayout& layout) const;
     void read_values(Header& volume) const;
     void read_attributes(RawLayout& layout) const;
     void find_voxels(RawLayout& layout) const;
@@ -225,7 +225,8 @@ void Reader::read_type(RawLayout& layout) const {
     fail(text("data type ", f_.datatype, " is none of NIfTI's"));
 }
 
-void Reader::read_geometry(Header& volume) const {
+void Reader::read_geometry(RawLayout& layout) const {
+    Header& volume = layout.header;
     std::optional<Geometry> const s = f_.sform_code > 0 ? sform_geometry(f_) : std::nullopt;
     std::optional<Geometry> const q = f_.qform_code > 0 ? qform_geometry(f_) : std::nullopt;
     if ((f_.sform_code > 0 || f_.qform_code > 0) && !s && !q)
@@ -236,6 +237,7 @@ void Reader::read_geometry(Header& volume) const {
     // A qform that says something else is not kept, and its code is about nothing then.
     bool const kept = q && (!s || agree(*s, *q));
     volume.attributes["qform_code"] = to_text(kept ? f_.qform_code : std::int64_t{0});
+    if (q && !kept) layout.not_read.emplace_back("a qform that places the volume elsewhere than its sform");
 }
 
 void Reader::read_values(Header& volume) const {
@@ -257,6 +259,7 @@ void Reader::read_attributes(RawLayout& layout) const {
             if (entry.code == (f_.xyzt_units & bits)) return text("\"", entry.name, "\"");
         return {};
     };
+    if (!header_.comment.empty()) attributes[nifti_comment] = header_.comment;
     if (std::string const u = unit(space_bits); !u.empty()) attributes["space units"] = text(u, " ", u, " ", u);
     if (f_.intent_code == vector_intent || f_.intent_code == displacement_intent) attributes[sequence_kind] = "vector";
     if (layout.volumes / layout.channels < 2) return;
@@ -314,9 +317,10 @@ void Reader::use_ours(RawLayout& layout) const {
 
 RawLayout Reader::layout() const {
     RawLayout layout;
+    layout.not_read = header_.not_read;
     read_dims(layout);
     read_type(layout);
-    read_geometry(layout.header);
+    read_geometry(layout);
     read_values(layout.header);
     read_attributes(layout);
     find_voxels(layout);

@@ -175,7 +175,16 @@ void read_extensions(ByteSource& bytes, NiftiHeader& header, std::int64_t end) {
         if (size < 0 || size > left() || size > most_extension) return;
         std::string content(static_cast<std::size_t>(size), '\0');
         bytes.read_exactly(content.data(), content.size());
-        if (integer_at(head, 4, 4, header.big_endian) != comment_code || !content.starts_with(extension_mark)) continue;
+        std::int64_t const code = integer_at(head, 4, 4, header.big_endian);
+        if (code != comment_code) {
+            header.not_read.push_back(text("an extension of ", size, " bytes, code ", code));
+            continue;
+        }
+        if (!content.starts_with(extension_mark)) {
+            content.resize(std::min(content.size(), content.find('\0')));
+            header.comment += (header.comment.empty() ? "" : "\n") + content;
+            continue;
+        }
         content.resize(std::min(content.size(), content.find('\0')));
         try {
             header.ours = header_from_json(std::string_view(content).substr(extension_mark.size()));
@@ -228,7 +237,12 @@ std::string nifti_bytes(HeaderText const& h) {
     Header kept = h.first;
     if (kept.history) kept.history = folded(*kept.history, most_history_steps, 400'000);
     std::string extension = padded(std::string(extension_mark) + to_json(kept));
-    std::size_t const size = bytes.size(), before = size + 4 + 8;
+    // What others may read stands before what only vkt does.
+    std::string comment;
+    if (auto const found = h.first.attributes.find(nifti_comment); found != h.first.attributes.end())
+        comment = padded(found->second);
+    std::size_t const size = bytes.size(), of_comment = comment.empty() ? 0 : comment.size() + 8,
+                      before = size + 4 + of_comment + 8;
     // What volumes behind the first one change may need another word.
     if (h.length == 0 && h.data.empty()) extension.resize(extension.size() + reserve, '\0');
     if (h.length > 0 && before + extension.size() > h.length)
@@ -242,10 +256,15 @@ std::string nifti_bytes(HeaderText const& h) {
     std::copy(magic.begin(), magic.end(), bytes.begin() + (version == 1 ? 344 : 4));
     if (version == 1) bytes[38] = 'r'; // "regular", which Analyze's readers look for
     bytes += "\1\0\0\0"sv;
-    bytes.resize(size + 12);
-    put_bits(bytes, extension.size() + 8, size + 4, 4);
-    put_bits(bytes, comment_code, size + 8, 4);
-    return bytes + extension;
+    for (std::string const* const content : {&comment, &extension}) {
+        if (content->empty()) continue;
+        std::size_t const at = bytes.size();
+        bytes.resize(at + 8);
+        put_bits(bytes, content->size() + 8, at, 4);
+        put_bits(bytes, comment_code, at + 4, 4);
+        bytes += *content;
+    }
+    return bytes;
 }
 
 } // namespace vkt

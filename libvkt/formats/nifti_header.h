@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace vkt {
 
@@ -34,21 +35,26 @@ struct NiftiHeader {
     bool big_endian = false;
     bool single = true; ///< the voxels are in the same file
     NiftiFields fields;
-    std::int64_t position = 0;  ///< behind what was read
-    std::optional<Header> ours; ///< what vkt wrote into an extension of the file, if it did
+    std::int64_t position = 0;         ///< behind what was read
+    std::optional<Header> ours;        ///< what vkt wrote into an extension of the file, if it did
+    std::string comment;               ///< text that others wrote into extensions
+    std::vector<std::string> not_read; ///< other extensions
 };
+
+/// Attribute of that text.
+inline constexpr char const* nifti_comment = "comment";
 
 /// True for the first bytes of a header of either version, byte order and kind.
 bool is_nifti(std::span<std::byte const> head);
 
-/// Reads the header and, of the extensions behind it, vkt's own. Throws Error{data}.
+/// Reads the header and, of the extensions behind it, texts. Throws Error{data}.
 NiftiHeader read_nifti_header(ByteSource& bytes);
 
 /// Dims, type, geometry and place of the voxels; a fourth dimension becomes a sequence of volumes. The world is
 /// right-anterior-superior. The geometry is that of the sform if its code is positive, else of the qform if its code
 /// is, else as nibabel has it: x to the left, the middle of the volume at the origin. Of what vkt wrote itself, the
 /// extension counts, which has all digits, as long as the other fields are still those that were made from it.
-/// Throws Error{data}, also for complex numbers and colours.
+/// Throws Error{data}.
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths);
 
 /// Of a pair: the voxels in NAME.img, or NAME.img.gz, beside NAME.hdr. Throws Error{data}.

@@ -54,6 +54,7 @@ public:
     bool next_volume() override;
     Header const& header() const override { return layout_.header; }
     Access access() const override { return random_ ? Access::random : Access::forward; }
+    std::vector<std::string> not_read() const override { return layout_.not_read; }
     void read(AnyView out) override;
     void finish() override;
 

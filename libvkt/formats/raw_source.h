@@ -30,11 +30,13 @@ struct RawLayout {
     /// Bytes before the voxels of each file, of the decoded file; -1 (not for hex and text): the voxels are the file's
     /// last bytes. Files that are compressed are decoded twice then, since only their end tells where that is.
     std::int64_t byte_skip = 0;
-    bool exact = false; ///< bytes behind the last voxel are an error
+    bool exact = false;                ///< bytes behind the last voxel are an error
+    std::vector<std::string> not_read; ///< what else the file holds, for people
 };
 
 /// Access::random if everything is a regular file of encoding raw, reading only the bytes that a region needs, or if
-/// voxels have several components; otherwise Access::forward. Sizes are checked against the files before next_volume() returns. Throws Error{data, io}.
+/// voxels have several components; otherwise Access::forward. Sizes are checked against the files before next_volume()
+/// returns. Throws Error{data, io}.
 std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout);
 
 /// Reverses the bytes of n samples of `size` bytes each, in place.

@@ -297,21 +297,47 @@ TEST(Nrrd, FourthAxisIsASeries) {
     }
 }
 
-TEST(Nrrd, SamplesOfSeveralValuesAreRefusedWithAHint) {
+TEST(Nrrd, ValuesSideBySideAreAVolumeEach) {
     std::string const head = "NRRD0005\ntype: uchar\nencoding: raw\n";
-    for (std::string const fields :
-         {"dimension: 4\nsizes: 3 2 3 4\nkinds: RGB-color domain domain domain\n",
-          "dimension: 4\nsizes: 3 2 3 4\nkinds: list domain domain domain\n",
-          "dimension: 3\nsizes: 3 2 12\nkinds: vector domain domain\n",
-          "dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\n",
-          "dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\nspace dimension: 2\n"
-          "space directions: (1,0) (0,1) none\n",
-          "dimension: 3\nsizes: 6 6 2\nkinds: space space complex\n",
-          "dimension: 4\nsizes: 2 3 4 3\nkinds: domain domain domain 3-color\n",
-          "dimension: 4\nsizes: 2 3 4 3\nkinds: space space space vector\nspace dimension: 3\n"
-          "space directions: (1,0,0) (0,1,0) (0,0,1) none\n",
-          "dimension: 4\nsizes: 3 2 3 4\nspace dimension: 3\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\n"}) {
-        auto const failure = refused(head + fields + "\n" + std::string(72, 'a'));
+    std::string const data = string_of(noise(72, 5));
+    struct Case {
+        char const* fields;
+        int count;
+        bool first; ///< the axis of the values
+    };
+    for (Case const& c :
+         {Case{"dimension: 4\nsizes: 3 2 3 4\nkinds: RGB-color domain domain domain\n", 3, true},
+          {"dimension: 4\nsizes: 3 2 3 4\nkinds: list domain domain domain\n", 3, true},
+          {"dimension: 3\nsizes: 3 2 12\nkinds: vector domain domain\n", 3, true},
+          {"dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\n", 3, false},
+          {"dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\nspace dimension: 2\n"
+           "space directions: (1,0) (0,1) none\n",
+           3, false},
+          {"dimension: 3\nsizes: 6 6 2\nkinds: space space complex\n", 2, false},
+          {"dimension: 4\nsizes: 2 3 4 3\nkinds: domain domain domain 3-color\n", 3, false},
+          {"dimension: 4\nsizes: 2 3 4 3\nkinds: space space space vector\nspace dimension: 3\n"
+           "space directions: (1,0,0) (0,1,0) (0,0,1) none\n",
+           3, false},
+          {"dimension: 4\nsizes: 3 2 3 4\nspace dimension: 3\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\n", 3,
+           true}}) {
+        auto const source = open_volume(memory_file(head + c.fields + "\n" + data), {});
+        std::size_t const count = static_cast<std::size_t>(c.count), each = 72 / count;
+        for (std::size_t i = 0; i < count; ++i) {
+            ASSERT_TRUE(source->next_volume()) << c.fields;
+            std::string want;
+            for (std::size_t k = 0; k < each; ++k) want += data[c.first ? k * count + i : i * each + k];
+            EXPECT_EQ(string_of(read_volume(*source, 2)), want) << c.fields << i;
+            EXPECT_EQ(source->header().attributes.at("channel"), std::to_string(i)) << c.fields;
+        }
+        EXPECT_FALSE(source->next_volume()) << c.fields;
+    }
+}
+
+TEST(Nrrd, ValuesBetweenAxesOfSpaceAreRefusedWithAHint) {
+    for (std::string const fields : {"dimension: 4\nsizes: 2 3 3 4\nkinds: domain vector domain domain\n",
+                                     "dimension: 4\nsizes: 2 3 3 4\nkinds: domain domain list domain\n",
+                                     "dimension: 1\nsizes: 72\nkinds: list\n"}) {
+        auto const failure = refused("NRRD0005\ntype: uchar\nencoding: raw\n" + fields + "\n" + std::string(72, 'a'));
         EXPECT_EQ(failure.kind, ErrorKind::data);
         EXPECT_NE(failure.hint.find("unu"), std::string::npos) << fields << failure.message;
     }
