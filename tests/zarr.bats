@@ -187,10 +187,22 @@ for version, name in (("0.4", "a.zarr"), ("0.5", "b.zarr")):
         z = g.create_array(str(i), shape=d.shape, chunks=(1, 1, 3, 4, 4), dtype="u2"); z[...] = d
     found = infos(name)
     assert len(found) == 6 and found[0]["dims"] == [8, 6, 4] and found[0]["spacing"] == [0.25, 0.5, 2] and found[0]["origin"] == [30, 20, 10], found[0]
-    assert found[5]["attributes"]["channel"] == "2" and found[5]["attributes"]["sequence position"] == "1" and found[0]["attributes"]["levels"] == "0 1", found[5]
+    assert found[5]["attributes"]["channel"] == "2" and found[5]["attributes"]["sequence position"] == "5" and found[0]["attributes"]["levels"] == "0 1", found[5]
+    assert all(f["attributes"]["sequence step"] == "5" and f["attributes"]["sequence units"] == '"s"' for f in found), found
     assert found[0]["attributes"]["space units"] == '"um" "um" "um"' and voxels(name) == data.tobytes()
     assert infos(name + "/1")[0]["spacing"] == [0.5, 1, 2] and infos(name + ":/1")[0]["spacing"] == [0.5, 1, 2], infos(name + "/1")[0]
     assert voxels(name, "--variable 1") == data[..., ::2, ::2].tobytes()
+    # Channels by their labels, where these tell them apart; times by scale, translation and unit.
+    multi = json.loads(json.dumps(multi))
+    image = multi["multiscales"][0]
+    image["axes"][0]["unit"] = "millisecond"
+    for level in image["datasets"]: level["coordinateTransformations"][0]["scale"][0] = 0.1; level["coordinateTransformations"][1]["translation"][0] = 2
+    for labels, want in ((["DAPI", "GFP", "Cy5"], ["DAPI", "GFP", "Cy5"]), (["a", "a", "b"], ["0", "1", "2"]), (["a", "b"], ["0", "1", "2"])):
+        multi["omero"] = {"channels": [{"label": l, "color": "FFFFFF"} for l in labels]}
+        g.attrs.update(multi if version == "0.4" else {"ome": multi | {"version": version}})
+        found = [f["attributes"] for f in infos(name)]
+        assert [f["channel"] for f in found] == 2 * want, found
+        assert [f["sequence position"] for f in found] == 3 * ["10"] + 3 * ["10.5"] and found[0]["sequence step"] == "0.5" and found[0]["sequence units"] == '"ms"', found
 END
 }
 

@@ -25,6 +25,7 @@ struct Level {
 struct Multiscale {
     std::vector<Level> levels; ///< the finest first
     std::vector<std::string> names, kinds, units;
+    std::vector<std::string> channels; ///< what they are called; may be empty
 };
 
 /// An array, and what is known about it from around it.
