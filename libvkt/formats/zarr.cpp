@@ -94,6 +94,7 @@ private:
     void describe(Found const& found);
     void use_image_places(zarr::Multiscale const& image, Level const& level);
     void use_ours(Json const& attributes);
+    void use_our_places(Json const& series);
     void use_coordinates(Found const& found, std::shared_ptr<zarr::Store const> store);
     /// What a thread keeps from chunk to chunk.
     struct Held {
@@ -284,7 +285,25 @@ void ZarrSource::use_ours(Json const& attributes) {
                 ours.attributes[key] = found->second;
         ours.dry_run = ours.timing = false;
         header_ = std::move(ours);
+        if (Json const* const series = member(attributes, zarr::series_attribute)) use_our_places(*series);
     } catch (Error const&) { // a damaged one is none
+    }
+}
+
+/// As the volumes said them, which may be nothing.
+void ZarrSource::use_our_places(Json const& series) {
+    for (std::size_t i = 0; i < leading_.size(); ++i) {
+        Json const* const said = member(series, leading_names_[i].c_str());
+        bool const time = is_time(leading_names_[i]);
+        if ((!time && leading_names_[i] != "c") || said == nullptr || !said->is_array() ||
+            std::ssize(*said) != chunks_.array().shape[leading_[i]])
+            continue;
+        leading_places_[i].clear();
+        for (Json const& place : *said) {
+            auto& places = leading_places_[i].emplace_back();
+            if (place.is_string() && place != "")
+                places[time ? "sequence position" : "channel"] = place.get<std::string>();
+        }
     }
 }
 
