@@ -49,14 +49,14 @@ std::vector<std::string> channels_of(SeriesAxis const& axis) {
 void SeriesAxes::no_grid() const {
     throw Error(ErrorKind::usage,
                 text("volume ", volumes_, ": times and channels form no full grid, which one ", file_, " needs"),
-                text("write one each: name it like out_%04d", extension_));
+                text("write one file each: name it like out_%04d", extension_));
 }
 
 void SeriesAxes::add(Header const& given) {
     Header header = in_utf8(given);
     if (volumes_ > 0 && !same_lattice(header_, header))
         throw Error(ErrorKind::usage, text("one ", file_, " cannot hold volumes of different dims, types or geometry"),
-                    text("write one each: name it like out_%04d", extension_));
+                    text("write one file each: name it like out_%04d", extension_));
     place(said(header, "channel"), said(header, "sequence position"));
     if (volumes_++ == 0)
         header_ = std::move(header);
