@@ -93,6 +93,12 @@ std::vector<SeriesAxis> SeriesAxes::axes() const {
     return {outer_, inner_};
 }
 
+std::vector<std::int64_t> SeriesAxes::extents() const {
+    if (volumes_ < 2) return {};
+    if (outer_.size() == 1) return {inner_.size()};
+    return {outer_.size(), inner_.size()};
+}
+
 void SeriesAxes::keep_common(Header const& header) {
     if (!(header.error == header_.error)) header_.error = header_.history ? VolumeError{} : VolumeError::lost("series");
     std::erase_if(header_.attributes, [&](auto const& attribute) {

@@ -44,6 +44,8 @@ public:
     std::int64_t volumes() const { return volumes_; }
     /// Slowest first, so far; none of a single volume.
     std::vector<SeriesAxis> axes() const;
+    std::vector<std::int64_t> extents() const;
+    bool has_channels() const { return volumes_ > 1 && (!inner_.time || outer_.size() > 1); }
     /// Of the first volume, with the attributes that all have in common and the axes do not tell.
     Header const& header() const { return header_; }
     /// Attributes that differ and that the axes do not tell.

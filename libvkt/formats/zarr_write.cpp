@@ -152,8 +152,10 @@ private:
 void ZarrWriter::begin(Header const& header) {
     refuse_bricks(header, "Zarr arrays");
     series_.add(header);
-    header_ = series_.header();
-    if (levels_.empty()) open_levels();
+    if (levels_.empty()) {
+        header_ = series_.header();
+        open_levels();
+    }
     for (Level& level : levels_) {
         if (series_.volumes() > 1) level.writer.next_volume();
         level.slices = 0;

@@ -119,7 +119,7 @@ private:
 void Writer::begin(Header const& header) {
     refuse_bricks(header, "HDF5 datasets");
     series_.add(header);
-    header_ = series_.header();
+    if (series_.volumes() == 1) header_ = series_.header();
     file_.expect(options_.compress ? least_deflated(header_.bytes()) : header_.bytes());
     rows_ = 0;
     std::vector<hsize_t> const wanted = leading();
@@ -197,7 +197,7 @@ bool Writer::copy_existing(hid_t access) {
 /// Extents before z of the volumes so far.
 std::vector<hsize_t> Writer::leading() const {
     std::vector<hsize_t> result;
-    for (SeriesAxis const& axis : series_.axes()) result.push_back(static_cast<hsize_t>(axis.size()));
+    for (std::int64_t const n : series_.extents()) result.push_back(static_cast<hsize_t>(n));
     return result;
 }
 

@@ -148,13 +148,12 @@ void TiffWriter::begin(Header const& header) {
         throw Error(ErrorKind::usage,
                     text("a page of ", header.dims.x, " by ", header.dims.y, " pixels is too large for TIFF"));
     series_.add(header);
-    axes_ = series_.axes();
-    first_ = series_.header();
-    if (axis(false) != nullptr && ome_type(header.dtype).empty())
+    if (series_.has_channels() && ome_type(header.dtype).empty())
         throw Error(ErrorKind::usage, text("channels of TIFF are OME's, which knows no ", header.dtype),
                     "convert first: vkt convert --dtype float32");
     file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
     if (series_.volumes() > 1) return;
+    first_ = series_.header();
     row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
     std::size_t const strip = compress_ ? compressed_strip : largest_strip;
     rows_per_strip_ =
@@ -305,6 +304,8 @@ void TiffWriter::close() {
     std::int64_t const volumes = series_.volumes();
     if (volumes == 0) throw Error(ErrorKind::data, "there is no volume to write");
     series_.finish();
+    axes_ = series_.axes();
+    first_ = series_.header();
     if (!series_.differing().empty() && notice_)
         notice_(text("one TIFF file does not hold attributes that differ between its volumes (",
                      join(series_.differing(), ", "), "): not kept"));
