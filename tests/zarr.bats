@@ -635,4 +635,9 @@ assert not [n for n in os.listdir() if n.startswith(("bad.zarr", ".bad"))], os.l
 END
     vkt make noise --dims 4 4 4 -o small.vkt
     fails_with 2 'different dims' sh -c 'cat t.vkt small.vkt | vkt write - mixed.zarr'
+    # What is replaced goes with all of its folders.
+    vkt write t.vkt three.zarr --zarr-version 3
+    vkt write small.vkt three.zarr --zarr-version 3 --force
+    vkt write t.vkt three.zarr --force
+    [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
 }
