@@ -273,15 +273,113 @@ END
     fails_with 4 'the file exists' vkt write int16.h5 h.h5
     fails_with 4 'the file exists' vkt read int16.h5 -o h.h5:/other
     fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt write int16.h5 - --format hdf5 | cat'
-    fails_with 2 'write one each' vkt stack int16.h5 int16.h5 -o two.h5
     fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
     vkt read int16.h5 | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.h5
-    [ ! -e two.h5 ]
     [ ! -e cut.h5 ]
     [ ! -e x.h5 ]
     [ -z "$(find . -name '.*vkt-*')" ]
     vkt stack int16.h5 int16.h5 -o 'n%d.h5' && vkt diff n1.h5 int16.h5
+}
+
+@test "a series is one dataset that grows along times and channels, of every layout" {
+    /usr/bin/python3 - <<'END'
+import os
+from common import *
+dims = (70, 40, 19)
+def run(line): return subprocess.run(line, shell=True, check=True, capture_output=True).stdout
+def stream(name, said):
+    """One volume for each, with these attributes, as one stream."""
+    for i, attributes in enumerate(said):
+        options = " ".join(f"--attribute '{k}={v}'" for k, v in attributes.items())
+        run(f"vkt make noise --dims {' '.join(map(str, dims))} --dtype uint16 --seed {i} | vkt set --spacing 0.5,1,3 --origin 4,5,6 {options} -o s{i}.vkt --force")
+    run(f"vkt read 's[0-9]*.vkt' -o {name}.vkt --force; rm s[0-9]*.vkt")
+def times(n, step=0.1, first=1): return [{"sequence position": f"{first + i * step:g}", "sequence step": step, "sequence units": '"s"'} for i in range(n)]
+names = [{"channel": n} for n in ("DAPI", "GFP", "Cy5")]
+series = {"t": times(4), "c": names, "tc": [t | c for t in times(2) for c in names], "ct": [t | c for c in names for t in times(4)], "plain": [{}, {}],
+          "uneven": [{"sequence position": p} for p in (0, 1, 5)]}
+leading = {"t": (4,), "c": (3,), "tc": (2, 3), "ct": (3, 4), "plain": (2,), "uneven": (3,)}
+for name, said in series.items():
+    stream(name, said)
+    want = numpy.frombuffer(voxels(name + ".vkt"), "u2").reshape(*leading[name], *dims[::-1])
+    sizes = []
+    for layout in ("", "--compress", "--memory 20k"):
+        run(f"vkt write {name}.vkt {name}.h5:/g/{name} {layout} --force")
+        sizes.append(os.path.getsize(name + ".h5"))
+        os.rename(name + ".h5", "o.h5")
+        with h5py.File("o.h5") as f:
+            d = f[f"g/{name}"]
+            assert list(f["g"]) == [name] and d.shape == want.shape and (d[...] == want).all() and d.chunks[:-3] == (1,) * (d.ndim - 3), (name, d.chunks)
+            assert d.maxshape == (None,) + want.shape[1:] and (d.compression == "gzip") == (layout == "--compress")
+            axes = name if len(name) < 3 else "t"
+            assert [n.label for n in d.dims] == [*axes, "z", "y", "x"]
+            if "c" in axes: assert list(d.attrs["channel"]) == ["DAPI", "GFP", "Cy5"]
+            if name in ("t", "tc", "ct"): assert d.attrs["sequence_units"] == "s" and numpy.allclose(d.attrs["sequence_position"], [1 + 0.1 * i for i in range(d.shape[axes.index("t")])])
+            assert ("sequence_position" in d.attrs) == (name not in ("c", "plain"))
+        for f, g in zip(infos("o.h5"), infos(name + ".vkt"), strict=True):
+            del f["attributes"]["variable"]
+            assert f["attributes"] == g.get("attributes", {}) and f["spacing"] == [0.5, 1, 3] and f["origin"] == [4, 5, 6], (name, layout, f, g)
+        assert voxels("o.h5") == want.tobytes(), (name, layout)
+    # What moves to more dimensions leaves no hole: chunks of 32 x 64 x 128 voxels a volume, and the first row of them twice at most.
+    assert sizes[0] < want.shape[0] * (want.shape[1] if want.ndim == 5 else 1) * 2 * 32 * 64 * 128 + 2 * 32 * 64 * 128 + 40000, (name, sizes)
+for said in ([t | c for t, c in zip(times(3), names)], [t | c for t in times(2) for c in names][:5], [names[0], names[1], names[0], names[2]]):
+    stream("bad", said)
+    r = subprocess.run("vkt write bad.vkt bad.h5", shell=True, capture_output=True, text=True)
+    assert r.returncode == 2 and "no full grid" in r.stderr and "out_%04d.h5" in r.stderr, r
+assert not [n for n in os.listdir() if n.startswith(("bad.h5", ".bad"))], os.listdir()
+# Labels of others, in any order; those that name no direction in space mean nothing.
+data = numpy.arange(3 * 4 * 5 * 6 * 2, dtype="u2").reshape(3, 4, 5, 6, 2)
+with h5py.File("l.h5", "w") as f:
+    f["a"] = data
+    for d, label in zip(f["a"].dims, "ztyxc"): d.label = label
+got = numpy.frombuffer(voxels("l.h5"), "u2").reshape(4, 2, 3, 5, 6)
+assert (got == data.transpose(1, 4, 0, 2, 3)).all()
+END
+    vkt make noise --dims 4 4 4 -o small.vkt
+    fails_with 2 'different dims' sh -c 'cat t.vkt small.vkt | vkt write - mixed.h5'
+}
+
+@test "a dataset that is named leaves the others of its file, which is replaced whole, or not at all" {
+    vkt make noise --dims 12 11 10 --dtype uint16 --seed 1 -o a.nrrd
+    vkt make noise --dims 9 8 7 --dtype float32 --seed 2 -o b.nrrd
+    /usr/bin/python3 -c '
+import h5py, numpy
+with h5py.File("k.h5", "w") as f:
+    f["old"] = numpy.arange(60.).reshape(3, 4, 5)
+    f["g/one"] = numpy.arange(8); f["g"].attrs["note"] = "kept"; f["text"] = "words"'
+    cp k.h5 before.h5
+    fails_with 4 'the file exists' vkt convert a.nrrd k.h5:/new
+    vkt convert a.nrrd k.h5:/new --force
+    vkt convert b.nrrd k.h5:/g/two --force --compress
+    vkt convert b.nrrd k.h5:/old --force
+    vkt diff a.nrrd k.h5:/new
+    vkt diff b.nrrd k.h5:/g/two
+    vkt diff b.nrrd k.h5:/old
+    /usr/bin/python3 -c '
+import h5py
+f = h5py.File("k.h5")
+assert sorted(f) == ["g", "new", "old", "text"] and sorted(f["g"]) == ["one", "two"] and f["g"].attrs["note"] == "kept" and list(f["g/one"]) == list(range(8)) and f["text"][()] == b"words"'
+    # Read from the file that it is added to.
+    vkt flip x k.h5:/new -o k.h5:/flipped --force
+    vkt diff a.nrrd k.h5:/new
+    # In place of itself again and again: the room is used again.
+    vkt convert a.nrrd k.h5:/new --force
+    size=$(stat -c %s k.h5)
+    for i in 1 2 3; do vkt convert a.nrrd k.h5:/new --force; done
+    [ "$(stat -c %s k.h5)" -le $((size + 20000)) ]
+    cp k.h5 kept.h5
+    fails_with 2 "'/g' is a group" vkt convert a.nrrd k.h5:/g --force
+    fails_with 2 "'/old' is no group" vkt convert a.nrrd k.h5:/old/new --force
+    vkt read a.nrrd | head -c 2000 >cut.vkt
+    fails_with 3 'ended early' vkt read cut.vkt -o k.h5:/new --force
+    cmp k.h5 kept.h5
+    echo words >words.h5
+    fails_with 3 'no HDF5 file' vkt convert a.nrrd words.h5:/a --force
+    [ "$(cat words.h5)" = words ]
+    # Without a name the file is meant.
+    vkt convert a.nrrd k.h5 --force
+    /usr/bin/python3 -c 'import h5py; assert list(h5py.File("k.h5")) == ["data"]'
+    [ -z "$(find . -name '.*vkt-*')" ]
 }
 
 @test "chunks without filters: every order of bytes, regions, series, ends, and those that are missing" {

@@ -83,3 +83,44 @@ END
     printf 'PK\3\4' >x.zip
     fails_with 3 'is a ZIP archive' vkt info x.zip
 }
+
+@test "an array that is named leaves the others of its archive, which is replaced whole, or not at all" {
+    vkt make noise --dims 12 11 10 --dtype uint16 --seed 1 -o a.nrrd
+    vkt make noise --dims 9 8 7 --dtype float32 --seed 2 -o b.nrrd
+    vkt stack b.nrrd b.nrrd -o s.nrrd
+    for save in savez savez_compressed; do
+        /usr/bin/python3 -c "
+import numpy
+numpy.$save('k.npz', first=numpy.arange(60.).reshape(3, 4, 5), text=numpy.array(['words']), old=numpy.arange(8))"
+        fails_with 4 'the file exists' vkt convert a.nrrd k.npz:new
+        vkt convert a.nrrd k.npz:new --force
+        vkt convert s.nrrd k.npz:series --force --compress
+        vkt convert b.nrrd k.npz:old --force
+        vkt flip x k.npz:new -o k.npz:flipped --force
+        vkt convert s.nrrd k.npz:plain --force
+        cp k.npz kept.npz
+        vkt diff a.nrrd k.npz:new
+        vkt diff b.nrrd k.npz:old
+        vkt diff s.nrrd k.npz:series
+        /usr/bin/python3 - <<'END'
+import numpy, zipfile
+assert zipfile.ZipFile("k.npz").testzip() is None
+k = numpy.load("k.npz")
+assert sorted(k.files) == ["first", "flipped", "new", "old", "plain", "series", "text"], k.files
+assert (k["first"] == numpy.arange(60.).reshape(3, 4, 5)).all() and k["text"][0] == "words" and k["old"].shape == (7, 8, 9)
+assert (k["flipped"] == k["new"][..., ::-1]).all() and k["series"].shape == (2, 7, 8, 9) and (k["series"] == k["plain"]).all()
+END
+        vkt read a.nrrd | head -c 2000 >cut.vkt
+        fails_with 3 'ended early' vkt read cut.vkt -o k.npz:new --force
+        cmp k.npz kept.npz
+        # Without a name the archive is meant.
+        vkt convert a.nrrd k.npz --force
+        /usr/bin/python3 -c 'import numpy; assert numpy.load("k.npz").files == ["arr_0"]'
+    done
+    echo words >words.npz
+    fails_with 3 'cannot be kept' vkt convert a.nrrd words.npz:a --force
+    [ "$(cat words.npz)" = words ]
+    vkt convert a.nrrd absent.npz:a --force
+    vkt diff a.nrrd absent.npz:a
+    [ -z "$(find . -name '.*vkt-*')" ]
+}

@@ -313,6 +313,60 @@ assert tifffile.imread("s.tif").tobytes() == open("s.raw", "rb").read()
 END
 }
 
+@test "channels stay channels: as OME describes them, with their names, times and units; of ImageJ's files too" {
+    /usr/bin/python3 - <<'END'
+import json, numpy, os, subprocess, tifffile
+import xml.etree.ElementTree as xml
+def run(line): return subprocess.run(line, shell=True, check=True, capture_output=True).stdout
+def infos(name):
+    i = json.loads(run(f"vkt info {name} --json"))
+    return [one.get("attributes", {}) for one in (i if isinstance(i, list) else [i])]
+def raw(name): return run(f"vkt write {name} - --format raw")
+def stream(name, said, more="", dtype="uint16"):
+    """One volume for each, with these attributes, as one stream."""
+    for i, attributes in enumerate(said):
+        options = " ".join(f"--attribute '{k}={v}'" for k, v in attributes.items())
+        run(f"vkt make noise --dims 9 8 4 --dtype {dtype} --seed {i} | vkt set --spacing 0.5,0.25,3 --origin 4,5,6 --attribute 'space units=\"um\" \"um\" \"um\"' {options} {more} -o s{i:02}.vkt --force")
+    run(f"vkt read 's[0-9]*.vkt' -o {name}.vkt --force; rm s[0-9]*.vkt")
+def times(n, step=5): return [{"sequence position": f"{10 + i * step:g}", "sequence step": step, "sequence units": '"ms"'} for i in range(n)]
+names = [{"channel": n} for n in ("DAPI", "a & b <c>", "Cy5")]
+for name, said, shape, axes in (("c", names, (3,), "CZYX"), ("tc", [t | c for t in times(2) for c in names], (2, 3), "TCZYX"), ("ct", [t | c for c in names for t in times(2)], (3, 2), "CTZYX")):
+    stream(name, said, "--slope 0.5 --units HU")
+    given, want = infos(name + ".vkt"), numpy.frombuffer(raw(name + ".vkt"), "u2").reshape(*shape, 4, 8, 9)
+    if name == "ct": given = [given[i] for i in (0, 2, 4, 1, 3, 5)] # read with times outside
+    for options in ("", "--compress"):
+        run(f"vkt write {name}.vkt o.tif --force {options}")
+        with tifffile.TiffFile("o.tif") as f:
+            s = f.series[0]
+            assert f.is_ome and s.axes == axes and s.shape == want.shape, (s.axes, s.shape)
+            if not options: assert (s.asarray() == want).all()
+            pixels = xml.fromstring(f.ome_metadata)[0][0]
+            assert [e.get("Name") for e in pixels if e.tag.endswith("Channel")] == ["DAPI", "a & b <c>", "Cy5"]
+            assert pixels.get("PhysicalSizeX") == "0.5" and pixels.get("PhysicalSizeZ") == "3" and pixels.get("PhysicalSizeYUnit") == "\u00b5m"
+            assert pixels.get("TimeIncrement") == (None if name == "c" else "0.005")
+        assert infos("o.tif") == given, (infos("o.tif"), given)
+        got = want.swapaxes(0, 1) if name == "ct" else want
+        assert raw("o.tif") == got.tobytes()
+        one = json.loads(run("vkt info o.tif --json"))[-1]
+        assert one["spacing"] == [0.5, 0.25, 3] and one["origin"] == [4, 5, 6] and one["slope"] == 0.5 and one["units"] == "HU", one
+# ImageJ's.
+data = numpy.arange(2 * 4 * 3 * 8 * 9, dtype="u2").reshape(2, 4, 3, 8, 9)
+tifffile.imwrite("j.tif", data, imagej=True, metadata={"axes": "TZCYX", "finterval": 0.5})
+run("vkt convert j.tif o.tif --force")
+with tifffile.TiffFile("o.tif") as f: assert f.series[0].axes == "TCZYX" and (f.asarray() == data.swapaxes(1, 2)).all()
+assert infos("o.tif") == infos("j.tif")
+# Times alone are ImageJ's frames, from where they begin.
+stream("t", times(3))
+run("vkt write t.vkt t.tif")
+with tifffile.TiffFile("t.tif") as f: assert f.is_imagej and f.series[0].axes == "TZYX" and f.imagej_metadata["frames"] == 3 and f.imagej_metadata["finterval"] == 0.005
+assert infos("t.tif") == infos("t.vkt"), infos("t.tif")
+for said, dtype, why in (([names[0], names[1], names[0], names[2]], "uint8", "no full grid"), (names, "float16", "OME's, which knows no float16")):
+    stream("bad", said, dtype=dtype)
+    r = subprocess.run("vkt write bad.vkt bad.tif", shell=True, capture_output=True, text=True)
+    assert r.returncode == 2 and why in r.stderr and not os.path.exists("bad.tif"), r
+END
+}
+
 @test "pages smaller than their description are what tifffile and libtiff read" {
     for n in 1 2 3 9; do vkt make noise --dims 5 3 $n --dtype uint8 | vkt write - small$n.tif; done
     vkt make noise --dims 5 3 4 --dtype uint16 --seed 1 -o s_1.nrrd

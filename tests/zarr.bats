@@ -187,10 +187,22 @@ for version, name in (("0.4", "a.zarr"), ("0.5", "b.zarr")):
         z = g.create_array(str(i), shape=d.shape, chunks=(1, 1, 3, 4, 4), dtype="u2"); z[...] = d
     found = infos(name)
     assert len(found) == 6 and found[0]["dims"] == [8, 6, 4] and found[0]["spacing"] == [0.25, 0.5, 2] and found[0]["origin"] == [30, 20, 10], found[0]
-    assert found[5]["attributes"]["channel"] == "2" and found[5]["attributes"]["sequence position"] == "1" and found[0]["attributes"]["levels"] == "0 1", found[5]
+    assert found[5]["attributes"]["channel"] == "2" and found[5]["attributes"]["sequence position"] == "5" and found[0]["attributes"]["levels"] == "0 1", found[5]
+    assert all(f["attributes"]["sequence step"] == "5" and f["attributes"]["sequence units"] == '"s"' for f in found), found
     assert found[0]["attributes"]["space units"] == '"um" "um" "um"' and voxels(name) == data.tobytes()
     assert infos(name + "/1")[0]["spacing"] == [0.5, 1, 2] and infos(name + ":/1")[0]["spacing"] == [0.5, 1, 2], infos(name + "/1")[0]
     assert voxels(name, "--variable 1") == data[..., ::2, ::2].tobytes()
+    # Channels by their labels, where these tell them apart; times by scale, translation and unit.
+    multi = json.loads(json.dumps(multi))
+    image = multi["multiscales"][0]
+    image["axes"][0]["unit"] = "millisecond"
+    for level in image["datasets"]: level["coordinateTransformations"][0]["scale"][0] = 0.1; level["coordinateTransformations"][1]["translation"][0] = 2
+    for labels, want in ((["DAPI", "GFP", "Cy5"], ["DAPI", "GFP", "Cy5"]), (["a", "a", "b"], ["0", "1", "2"]), (["a", "b"], ["0", "1", "2"])):
+        multi["omero"] = {"channels": [{"label": l, "color": "FFFFFF"} for l in labels]}
+        g.attrs.update(multi if version == "0.4" else {"ome": multi | {"version": version}})
+        found = [f["attributes"] for f in infos(name)]
+        assert [f["channel"] for f in found] == 2 * want, found
+        assert [f["sequence position"] for f in found] == 3 * ["10"] + 3 * ["10.5"] and found[0]["sequence step"] == "0.5" and found[0]["sequence units"] == '"ms"', found
 END
 }
 
@@ -235,9 +247,9 @@ END
     fails_with 3 'ended early' vkt read cut.vkt -o cut.zarr
     [ ! -e cut.zarr ]
     [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
-    fails_with 2 'write one each' vkt stack int16.nrrd int16.nrrd -o two.zarr
+    fails_with 3 'ended early' vkt write cut.vkt cut.zarr --zarr-version 3 --chunk 4
+    [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
     fails_with 2 '--pyramid is for Zarr' vkt write int16.nrrd x.nrrd --pyramid
-    [ ! -e two.zarr ]
 }
 
 @test "a pyramid: every level the means of the one before, where OME says that it lies" {
@@ -553,4 +565,79 @@ g.create_group("OME").attrs["series"] = ["0"]
 assert voxels("b.zarr") == data.tobytes() and infos("b.zarr")[0]["spacing"] == [2, 2, 3]
 END
     fails_with 2 'holds several arrays: flat, v' vkt info x2.zarr
+}
+
+@test "a series is one array with axes of times and channels, in bounded memory, of every layout" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr
+dims = (70, 40, 9)
+def stream(name, said):
+    """One volume for each, with these attributes, as one stream."""
+    for i, attributes in enumerate(said):
+        options = " ".join(f"--attribute '{k}={v}'" for k, v in attributes.items())
+        run(f"vkt make noise --dims {' '.join(map(str, dims))} --dtype uint16 --seed {i} | vkt set --spacing 0.5,1,3 --origin 4,5,6 --attribute 'space units=\"um\" \"um\" \"um\"' {options} -o s{i}.vkt --force")
+    run(f"vkt read 's[0-9]*.vkt' -o {name}.vkt --force; rm s[0-9]*.vkt")
+def times(n, step=0.5, first=1): return [{"sequence position": first + i * step, "sequence step": step, "sequence units": '"s"'} for i in range(n)]
+names = [{"channel": n} for n in ("DAPI", "GFP", "Cy5")]
+series = {"t": times(3), "c": names, "tc": [t | c for t in times(2) for c in names], "ct": [t | c for c in names for t in times(2)], "plain": [{}, {}],
+          "uneven": [{"sequence position": p} for p in (0, 1, 5)]}
+leading = {"t": (3,), "c": (3,), "tc": (2, 3), "ct": (3, 2), "plain": (2,), "uneven": (3,)}
+layouts = ["", "--compress", "--memory 20k", "--zarr-version 3", "--zarr-version 3 --chunk 8 --shard 32 --compress", "--pyramid", "--pyramid --zarr-version 3 --chunk 16 --shard 32"]
+for name, said in series.items():
+    stream(name, said)
+    want = np.frombuffer(voxels(name + ".vkt"), "u2").reshape(*leading[name], *dims[::-1])
+    given = [f["attributes"] for f in infos(name + ".vkt")]
+    for layout in layouts if len(name) < 3 else layouts[::5]:
+        for end in (".zarr", ".zarr.zip"):
+            if end == ".zarr.zip" and name not in ("tc", "t"): continue
+            out = name + end
+            run(f"vkt write {name}.vkt {out} --force {layout}")
+            turned = name == "ct" and "pyramid" in layout # OME has times first
+            data = np.swapaxes(want, 0, 1) if turned else want
+            about = [given[j] for j in np.arange(len(said)).reshape(leading[name]).T.ravel()] if turned else given
+            store = zarr.storage.ZipStore(out, mode="r") if end == ".zarr.zip" else out
+            z = zarr.open(store, mode="r")
+            a = z["0"] if "pyramid" in layout else z
+            assert a.shape == data.shape and (a[...] == data).all(), (name, layout)
+            assert a.chunks[:-3] == (1,) * (data.ndim - 3)
+            axes = ["t" if name in ("plain", "uneven") else n for n in ("tc" if turned else name if name in ("t", "c", "tc", "ct") else "t")] + ["z", "y", "x"]
+            assert list(a.metadata.dimension_names if "version 3" in layout else a.attrs["_ARRAY_DIMENSIONS"]) == axes
+            found = infos(out)
+            assert voxels(out) == data.tobytes()
+            for f, g in zip(found, about, strict=True):
+                f["attributes"].pop("variable", 0), f["attributes"].pop("levels", 0)
+                assert f["attributes"] == g and f["spacing"] == [0.5, 1, 3] and f["origin"] == [4, 5, 6], (name, layout, f, g)
+            if "pyramid" not in layout: continue
+            image = z.attrs["ome"] if "version 3" in layout else z.attrs
+            m = image["multiscales"][0]
+            assert [x["name"] for x in m["axes"]] == axes and [x["type"] for x in m["axes"]] == [{"t": "time", "c": "channel"}.get(n, "space") for n in axes]
+            assert m["axes"][-1]["unit"] == "micrometer" and [d["path"] for d in m["datasets"]] == ["0", "1"]
+            for k, d in enumerate(m["datasets"]):
+                scale, shift = (d["coordinateTransformations"][i][w] for i, w in ((0, "scale"), (1, "translation")))
+                assert scale == [0.5 if n == "t" and name in ("t", "tc", "ct") else 1 for n in axes[:-3]] + [3 * 2**k, 2**k, 0.5 * 2**k]
+                assert shift[:-3] == [1 if n == "t" and name in ("t", "tc", "ct") else 0 for n in axes[:-3]]
+            if "t" in name and len(name) < 3: assert m["axes"][0]["unit"] == "second"
+            if "c" in name: assert [c["label"] for c in image["omero"]["channels"]] == ["DAPI", "GFP", "Cy5"]
+            low = z["1"][...]
+            assert low.shape == data.shape[:-3] + (5, 20, 35)
+            for at in np.ndindex(*data.shape[:-3]):
+                p = np.pad(data[at].astype("f8"), ((0, 1), (0, 0), (0, 0)), "edge").reshape(5, 2, 20, 2, 35, 2).mean((1, 3, 5))
+                assert np.abs(low[at] - p).max() <= 0.5
+            assert voxels(out + ("/1" if end == ".zarr" else ":/1")) == low.tobytes()
+# What is no grid is refused, and leaves nothing.
+for said in ([t | c for t, c in zip(times(3), names)], [t | c for t in times(2) for c in names][:5], [names[0], names[1], names[0], names[2]]):
+    stream("bad", said)
+    r = subprocess.run("vkt write bad.vkt bad.zarr", shell=True, capture_output=True, text=True)
+    assert r.returncode == 2 and "no full grid" in r.stderr and "out_%04d.zarr" in r.stderr, r
+assert not [n for n in os.listdir() if n.startswith(("bad.zarr", ".bad"))], os.listdir()
+END
+    vkt make noise --dims 4 4 4 -o small.vkt
+    fails_with 2 'different dims' sh -c 'cat t.vkt small.vkt | vkt write - mixed.zarr'
+    # What is replaced goes with all of its folders.
+    vkt write t.vkt three.zarr --zarr-version 3
+    vkt write small.vkt three.zarr --zarr-version 3 --force
+    vkt write t.vkt three.zarr --force
+    [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
 }

@@ -12,7 +12,7 @@
 #include "libvkt/formats/zip_archive.h"
 
 #include <algorithm>
-#include <cstring>
+#include <filesystem>
 #include <utility>
 
 #include <zlib.h>
@@ -77,18 +77,15 @@ std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions 
     return raw_source(std::move(bytes), std::move(layout));
 }
 
-void put(std::string& bytes, std::uint64_t value, std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i) bytes += static_cast<char>(value >> (8 * i));
-}
-
-/// One array, as numpy.savez writes it: sizes in 64 bits.
+/// One array, as numpy.savez writes it: sizes in 64 bits. With force and a name, others that are there stay.
 class NpzWriter : public VolumeWriter {
 public:
     NpzWriter(std::string const& path, WriteOptions const& options)
-        : options_(options), file_(file_part(path).file, options.force), name_(file_part(path).part) {
+        : options_(options), file_(file_part(path).file, options.force), name_(file_part(path).part), zip_(file_) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': NumPy archives cannot be written to a pipe"),
                         "write .npy, or name a file: -o out.npz");
+        keeps_others_ = options.force && !name_.empty();
         if (name_.empty()) name_ = "arr_0";
         name_ += suffix;
     }
@@ -101,12 +98,12 @@ public:
         file_.expect(options_.compress ? least_deflated(header.bytes()) : header.bytes());
         if (volumes_++ > 0) return;
         first_ = in_utf8(header);
-        std::string const local = local_header();
-        file_.write(local.data(), local.size());
+        if (keeps_others_) copy_others();
+        begin_ = zip_.begin(name_, options_.compress ? deflated : stored);
         std::string const head = array_header();
         header_length_ = head.size();
         if (options_.compress) {
-            deflate_.emplace(file_, DeflateWriter::Wrapper::none, options_, std::ssize(local));
+            deflate_.emplace(file_, DeflateWriter::Wrapper::none, options_, begin_);
             deflate_->store(head);
         } else {
             file_.write(head.data(), head.size());
@@ -121,76 +118,51 @@ public:
     void close() override {
         if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
         std::string const head = array_header();
-        packed_ = bytes_ += head.size();
+        std::uint64_t packed = bytes_ += head.size();
         if (deflate_) {
             if (volumes_ > 1) deflate_->restore(head);
             deflate_->finish();
-            packed_ = static_cast<std::uint64_t>(deflate_->bytes_written());
+            packed = static_cast<std::uint64_t>(deflate_->bytes_written());
             checksum_ = deflate_->checksum();
         } else {
             unsigned long const first = crc32_z(0, reinterpret_cast<Bytef const*>(head.data()), head.size());
             checksum_ = crc32_combine(first, checksum_, static_cast<z_off_t>(bytes_ - head.size()));
         }
-        std::string const end = directory();
-        file_.write(end.data(), end.size());
-        std::string const local = local_header();
-        file_.write_at(0, local.data(), local.size());
-        if (!deflate_ && volumes_ > 1) file_.write_at(std::ssize(local), head.data(), head.size());
+        zip_.end(bytes_, packed, checksum_);
+        if (!deflate_ && volumes_ > 1) file_.write_at(begin_, head.data(), head.size());
+        zip_.finish();
         file_.commit();
     }
 
 private:
     std::string array_header() const { return numpy_bytes({first_, volumes_, -1, no_file_, header_length_, false}); }
 
-    /// From "version needed" to the checksum: what both kinds of header say alike.
-    std::string said_twice() const {
-        std::string bytes;
-        put(bytes, 45, 2);     // numbers of 64 bits
-        put(bytes, 0x0800, 2); // names are UTF-8
-        put(bytes, static_cast<std::uint64_t>(options_.compress ? deflated : stored), 2);
-        put(bytes, 0x00210000, 4); // 1980: equal volumes give equal files
-        put(bytes, checksum_, 4);
-        put(bytes, in_extra, 4);
-        put(bytes, in_extra, 4);
-        put(bytes, name_.size(), 2);
-        return bytes;
-    }
-    std::string local_header() const {
-        std::string bytes = std::string(local_mark) + said_twice();
-        put(bytes, 20, 2);
-        bytes += name_;
-        put(bytes, numbers64, 2);
-        put(bytes, 16, 2);
-        put(bytes, bytes_, 8);
-        put(bytes, packed_, 8);
-        return bytes;
-    }
-    std::string directory() const {
-        std::uint64_t const at = local_header().size() + packed_;
-        std::string bytes(central_mark);
-        put(bytes, 45, 2);
-        bytes += said_twice();
-        put(bytes, 20, 2);
-        put(bytes, 0, 2 + 2 + 2); // comment, disk, text
-        put(bytes, std::uint64_t{0600} << 16, 4);
-        put(bytes, 0, 4);
-        bytes += name_;
-        put(bytes, numbers64, 2);
-        put(bytes, 16, 2);
-        put(bytes, bytes_, 8);
-        put(bytes, packed_, 8);
-        std::uint64_t const length = bytes.size();
-        bytes += zip_end(1, length, at);
-        return bytes;
+    /// Of the archive that is there, all but what has this array's name.
+    void copy_others() {
+        std::error_code failed;
+        if (!std::filesystem::exists(file_.target(), failed)) return;
+        auto const archive = open_bytes(file_.target());
+        if (archive->size() > 0) file_.expect(static_cast<std::size_t>(archive->size()));
+        try {
+            for (ZipMember const& member : zip_members(*archive))
+                if (member.name != name_) zip_.copy(*archive, member);
+        } catch (Error const& e) {
+            if (e.kind() != ErrorKind::data) throw;
+            throw Error(ErrorKind::data, text(e.what(), ": what else the archive holds cannot be kept"),
+                        text("to replace all of it, name no array: -o ", shell_quoted(file_.path()), " --force"));
+        }
     }
 
     WriteOptions options_;
     OutputFile file_;
     std::string name_, no_file_;
+    ZipWriter zip_;
+    bool keeps_others_ = false;
+    std::int64_t begin_ = 0; ///< of the array in the file
     Header first_;
     std::int64_t volumes_ = 0;
     std::size_t header_length_ = 0;
-    std::uint64_t bytes_ = 0, packed_ = 0; ///< of the array, and as it lies in the file
+    std::uint64_t bytes_ = 0; ///< of the array
     unsigned long checksum_ = 0;
     std::optional<DeflateWriter> deflate_;
 };

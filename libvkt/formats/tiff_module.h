@@ -13,6 +13,8 @@ namespace vkt {
 
 /// What begins the line of an ImageDescription in which vkt keeps the header as its JSON.
 inline constexpr char const* tiff_header_line = "vkt=";
+/// Of the annotation that is the same in OME's descriptions.
+inline constexpr char const* tiff_header_namespace = "vkt";
 
 struct TiffFunctions {
     std::unique_ptr<VolumeWriter> (*writer)(std::string const& path, WriteOptions const& options);
@@ -25,7 +27,7 @@ namespace tiff {
 std::unique_ptr<GridsParser> open(std::string const& path);
 
 /// Writes a page a slice as ImageJ does, in BigTIFF from 2 GiB on, --compress: deflate with a predictor. The header
-/// stands in a line of the first description.
+/// stands in a line of the first description. Volumes of several channels are described as OME does.
 std::unique_ptr<VolumeWriter> writer(std::string const& path, WriteOptions const& options);
 
 } // namespace tiff

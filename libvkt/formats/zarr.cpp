@@ -34,6 +34,8 @@ using zarr::member;
 using zarr::Position;
 using zarr::words;
 
+constexpr std::int64_t most_places = std::int64_t{1} << 24; ///< that are listed
+
 /// Which dimension is x, y, z (-1: none); the others enumerate volumes.
 std::array<int, 3> spatial_axes(Found const& found) {
     auto const rank = static_cast<int>(found.array.shape.size());
@@ -53,6 +55,17 @@ std::array<int, 3> spatial_axes(Found const& found) {
     if (next == 0) axes[0] = rank - 1;
     return axes;
 }
+
+/// As NRRD and NIfTI spell them; as they stand where those have none.
+std::string unit_of_time(std::string const& unit) {
+    constexpr std::pair<char const*, char const*> known[] = {
+        {"second", "s"}, {"millisecond", "ms"}, {"microsecond", "us"}, {"nanosecond", "ns"}, {"minute", "min"}};
+    for (auto const& [name, sign] : known)
+        if (unit == name) return sign;
+    return unit.find('"') == std::string::npos ? unit : "";
+}
+
+bool is_time(std::string const& name) { return name == "t" || name == "time"; }
 
 char const* short_unit(std::string const& unit) {
     constexpr std::pair<char const*, char const*> known[] = {{"micrometer", "um"}, {"millimeter", "mm"},
@@ -79,7 +92,9 @@ private:
         return axes_[axis] < 0 ? 1 : chunks_.array().inner[static_cast<std::size_t>(axes_[axis])];
     }
     void describe(Found const& found);
+    void use_image_places(zarr::Multiscale const& image, Level const& level);
     void use_ours(Json const& attributes);
+    void use_our_places(Json const& series);
     void use_coordinates(Found const& found, std::shared_ptr<zarr::Store const> store);
     /// What a thread keeps from chunk to chunk.
     struct Held {
@@ -96,7 +111,7 @@ private:
     std::vector<std::size_t> leading_; ///< dimensions that enumerate volumes, the first one slowest
     std::vector<std::string> leading_names_;
     std::vector<std::int64_t> strides_; ///< of each dimension in a chunk, in voxels
-    std::vector<std::vector<std::map<std::string, std::string>>> leading_places_; ///< of coordinates; may be empty
+    std::vector<std::vector<std::map<std::string, std::string>>> leading_places_; ///< as metadata tell; may be empty
     std::map<std::string, std::string> shared_attributes_;
     std::int64_t volumes_ = 1, index_ = -1;
     Position outer_;          ///< chunk of the current volume along the leading dimensions, 0 elsewhere
@@ -143,9 +158,8 @@ ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, st
 
 /// All numbers of an array of one dimension; empty if it is too long for a list of coordinates.
 std::vector<double> coordinates_in(std::shared_ptr<zarr::Store const> store, Array const& array) {
-    constexpr std::int64_t longest = std::int64_t{1} << 24;
     std::int64_t const n = array.shape.front(), step = array.inner.front();
-    if (n > longest || step > longest) return {};
+    if (n > most_places || step > most_places) return {};
     std::vector<double> result(static_cast<std::size_t>(n));
     zarr::Chunks const chunks(std::move(store), array);
     zarr::Scratch scratch;
@@ -180,7 +194,8 @@ void ZarrSource::use_coordinates(Found const& found, std::shared_ptr<zarr::Store
             place_axis(header_, static_cast<int>(a - axes_.begin()), at);
             units[static_cast<std::size_t>(a - axes_.begin())] = unit;
         } else if (auto const i = std::find(leading_.begin(), leading_.end(), k); i != leading_.end()) {
-            leading_places_[static_cast<std::size_t>(i - leading_.begin())] = sequence_places(at, unit);
+            auto const number = static_cast<std::size_t>(i - leading_.begin());
+            if (is_time(leading_names_[number])) leading_places_[number] = sequence_places(at, unit);
         }
     }
     if (!units[0].empty() && units[0].find('"') == std::string::npos && units[0] == units[1] && units[0] == units[2])
@@ -195,7 +210,7 @@ void ZarrSource::describe(Found const& found) {
             header_.dims[a] = array.shape[static_cast<std::size_t>(k)];
     if (found.image) {
         Level const& level = found.image->levels[found.level];
-        std::string units;
+        use_image_places(*found.image, level);
         for (int a = 0; a < 3; ++a) {
             auto const k = static_cast<std::size_t>(axes_[static_cast<std::size_t>(a)]);
             if (axes_[static_cast<std::size_t>(a)] < 0) continue;
@@ -230,6 +245,28 @@ void ZarrSource::describe(Found const& found) {
     shared_attributes_ = header_.attributes;
 }
 
+/// Times and channels of an image.
+void ZarrSource::use_image_places(zarr::Multiscale const& image, Level const& level) {
+    for (std::size_t i = 0; i < leading_.size(); ++i) {
+        std::size_t const k = leading_[i];
+        auto const n = static_cast<std::size_t>(chunks_.array().shape[k]);
+        auto& places = leading_places_[i];
+        if (is_time(leading_names_[i]) && k < level.scale.size() && level.scale[k] > 0 &&
+            chunks_.array().shape[k] <= most_places) {
+            double const first = k < level.translation.size() ? level.translation[k] : 0;
+            std::vector<double> at(n);
+            for (std::size_t t = 0; t < n; ++t) at[t] = first + static_cast<double>(t) * level.scale[k];
+            if (n > 1 && even_steps(at))
+                places = sequence_places(at, k < image.units.size() ? unit_of_time(image.units[k]) : "");
+            for (auto& said : places) said["sequence step"] = to_text(level.scale[k]); // not as differences round it
+        }
+        if (leading_names_[i] == "c" && image.channels.size() == n) {
+            places.clear();
+            for (std::string const& label : image.channels) places.push_back({{"channel", label}});
+        }
+    }
+}
+
 /// What vkt wrote has all of the header, and counts as long as the array still is what was written with it.
 void ZarrSource::use_ours(Json const& attributes) {
     Json const* const kept = member(attributes, "vkt");
@@ -248,7 +285,25 @@ void ZarrSource::use_ours(Json const& attributes) {
                 ours.attributes[key] = found->second;
         ours.dry_run = ours.timing = false;
         header_ = std::move(ours);
+        if (Json const* const series = member(attributes, zarr::series_attribute)) use_our_places(*series);
     } catch (Error const&) { // a damaged one is none
+    }
+}
+
+/// As the volumes said them, which may be nothing.
+void ZarrSource::use_our_places(Json const& series) {
+    for (std::size_t i = 0; i < leading_.size(); ++i) {
+        Json const* const said = member(series, leading_names_[i].c_str());
+        bool const time = is_time(leading_names_[i]);
+        if ((!time && leading_names_[i] != "c") || said == nullptr || !said->is_array() ||
+            std::ssize(*said) != chunks_.array().shape[leading_[i]])
+            continue;
+        leading_places_[i].clear();
+        for (Json const& place : *said) {
+            auto& places = leading_places_[i].emplace_back();
+            if (place.is_string() && place != "")
+                places[time ? "sequence position" : "channel"] = place.get<std::string>();
+        }
     }
 }
 
@@ -273,12 +328,11 @@ bool ZarrSource::next_volume() {
         offset_ += at % array.inner[k] * strides_[k];
         if (array.shape[k] == 1 || leading_names_[i].empty()) continue;
         std::string const& name = leading_names_[i];
-        bool const time = name == "t" || name == "time";
-        if (time && !leading_places_[i].empty())
+        if (!leading_places_[i].empty())
             for (auto const& [key, value] : leading_places_[i][static_cast<std::size_t>(at)])
                 header_.attributes[key] = value;
         else
-            header_.attributes[name == "c" ? "channel" : time ? "sequence position" : name] = to_text(at);
+            header_.attributes[name == "c" ? "channel" : is_time(name) ? "sequence position" : name] = to_text(at);
     }
     return true;
 }

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 namespace vkt::zarr {
@@ -57,15 +58,28 @@ void apply_transformations(Json const* list, Level& level) {
     }
 }
 
+/// Names by which channels can be told apart; none if there are no such.
+std::vector<std::string> labels_in(Json const* omero) {
+    Json const* const channels = omero == nullptr ? nullptr : member(*omero, "channels");
+    std::vector<std::string> result;
+    if (channels == nullptr || !channels->is_array()) return result;
+    for (auto const& channel : *channels) result.push_back(words(channel, "label"));
+    std::set<std::string> const different(result.begin(), result.end());
+    return different.size() < result.size() || different.contains("") ? std::vector<std::string>{} : result;
+}
+
 /// What the attributes of a group say of an image; none if they say nothing.
 std::optional<Multiscale> multiscale_in(std::string const& attributes) {
     Json const json = Json::parse(attributes, nullptr, false);
-    Json const* list = member(json, "multiscales");
-    if (Json const* const ome = member(json, "ome"); list == nullptr && ome != nullptr)
+    Json const *list = member(json, "multiscales"), *omero = member(json, "omero");
+    if (Json const* const ome = member(json, "ome"); list == nullptr && ome != nullptr) {
         list = member(*ome, "multiscales");
+        omero = member(*ome, "omero");
+    }
     if (list == nullptr || !list->is_array() || list->empty()) return std::nullopt;
     Json const& image = list->front();
     Multiscale result;
+    result.channels = labels_in(omero);
     if (Json const* const axes = member(image, "axes"); axes != nullptr && axes->is_array())
         for (auto const& axis : *axes) {
             result.names.push_back(axis.is_string() ? axis.get<std::string>() : words(axis, "name"));

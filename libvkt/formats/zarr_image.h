@@ -12,6 +12,9 @@
 
 namespace vkt::zarr {
 
+/// Attribute of an array of vkt's: for the dimensions that enumerate volumes, what each of these says of its place.
+inline constexpr char const* series_attribute = "vkt_series";
+
 /// The member of an object; null if there is none, or if it is no object.
 nlohmann::json const* member(nlohmann::json const& object, char const* name);
 /// A member that is text; "" for anything else.
@@ -25,6 +28,7 @@ struct Level {
 struct Multiscale {
     std::vector<Level> levels; ///< the finest first
     std::vector<std::string> names, kinds, units;
+    std::vector<std::string> channels; ///< what they are called; may be empty
 };
 
 /// An array, and what is known about it from around it.

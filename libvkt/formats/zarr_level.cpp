@@ -104,7 +104,15 @@ Json codecs_v3(std::optional<Codec> codec, std::size_t element) {
     return list;
 }
 
-Json extents(Index3 v) { return Json::array({v.z, v.y, v.x}); }
+Json extents(Index3 v, std::vector<std::int64_t> const& before = {}) {
+    Json result = before;
+    for (int a = 2; a >= 0; --a) result.push_back(v[a]);
+    return result;
+}
+
+void move(std::string const& from, std::string const& to) {
+    if (::rename(from.c_str(), to.c_str()) != 0) throw system_error(text("cannot write '", lasting_name(to), "'"));
+}
 
 } // namespace
 
@@ -161,9 +169,10 @@ void LevelWriter::write(std::byte const* voxels, std::size_t n) {
         [&] { flush(); });
 }
 
-std::string LevelWriter::file_of(Index3 at) const {
-    return text(folder_, version_ == 3 ? "/c/" : "/", at.z, "/", at.y, "/", at.x);
-}
+std::string LevelWriter::file_of(Index3 at) const { return text(volume(volume_), "/", at.z, "/", at.y, "/", at.x); }
+
+/// Where the chunks of a volume lie until it is known how many there are.
+std::string LevelWriter::volume(std::int64_t number) const { return text(folder_, "/volume.", number); }
 
 void LevelWriter::flush() {
     std::int64_t const rows = static_cast<std::int64_t>(held_.size() / row_);
@@ -172,9 +181,9 @@ void LevelWriter::flush() {
     std::int64_t const slices = whole ? rows / dims_.y : 1, height = whole ? dims_.y : rows;
     Index3 const at{0, first / chunk_.y, z / chunk_.z};
     std::int64_t const across = parts_of(dims_.x, chunk_.x), down = parts_of(height, chunk_.y);
-    if (version_ == 3) make_directory(folder_ + "/c");
+    make_directory(volume(volume_));
     std::int64_t const file_z = z / shard_.z;
-    std::string const folder = text(folder_, version_ == 3 ? "/c/" : "/", file_z);
+    std::string const folder = text(volume(volume_), "/", file_z);
     make_directory(folder);
     for (std::int64_t y = 0; y < down; ++y) make_directory(text(folder, "/", (at.y + y) * chunk_.y / shard_.y));
     if (!open_.empty() && open_.begin()->first[0] != file_z) close_shards();
@@ -248,12 +257,15 @@ void LevelWriter::close_shards() {
     sizes_.clear();
 }
 
-Json LevelWriter::metadata(Json const& attributes) const {
+Json LevelWriter::metadata(Leading const& leading, Json const& attributes) const {
     std::size_t const element = size_of(dtype_);
+    std::vector<std::int64_t> const ones(leading.extents.size(), 1); // chunks are of one volume
+    Json names = leading.names;
+    for (char const* const axis : {"z", "y", "x"}) names.push_back(axis);
     if (version_ == 2) {
         return {{"zarr_format", 2},
-                {"shape", extents(dims_)},
-                {"chunks", extents(chunk_)},
+                {"shape", extents(dims_, leading.extents)},
+                {"chunks", extents(chunk_, ones)},
                 {"dtype", type_name_v2(dtype_)},
                 {"compressor", codec_ ? compressor_v2(*codec_, element) : Json(nullptr)},
                 {"fill_value", 0},
@@ -266,27 +278,58 @@ Json LevelWriter::metadata(Json const& attributes) const {
         codecs = Json::array(
             {{{"name", "sharding_indexed"},
               {"configuration",
-               {{"chunk_shape", extents(chunk_)},
+               {{"chunk_shape", extents(chunk_, ones)},
                 {"codecs", codecs},
                 {"index_codecs",
                  Json::array({{{"name", "bytes"}, {"configuration", {{"endian", "little"}}}}, {{"name", "crc32c"}}})},
                 {"index_location", "end"}}}}});
     return {{"zarr_format", 3},
             {"node_type", "array"},
-            {"shape", extents(dims_)},
+            {"shape", extents(dims_, leading.extents)},
             {"data_type", std::string(name_of(dtype_))},
-            {"chunk_grid", {{"name", "regular"}, {"configuration", {{"chunk_shape", extents(shard_)}}}}},
+            {"chunk_grid", {{"name", "regular"}, {"configuration", {{"chunk_shape", extents(shard_, ones)}}}}},
             {"chunk_key_encoding", {{"name", "default"}, {"configuration", {{"separator", "/"}}}}},
             {"fill_value", is_integer(dtype_) ? Json(0) : Json(0.0)},
             {"codecs", codecs},
-            {"dimension_names", Json::array({"z", "y", "x"})},
+            {"dimension_names", names},
             {"attributes", attributes}};
 }
 
-void LevelWriter::finish(Json const& attributes) {
+void LevelWriter::next_volume() {
     close_shards();
-    if (version_ == 3) return write_json(folder_ + "/zarr.json", metadata(attributes));
-    write_json(folder_ + "/.zarray", metadata(attributes));
+    rows_ = 0;
+    ++volume_;
+}
+
+/// Below the root, in folders of their numbers along the dimensions; of a single one, the chunks themselves.
+void LevelWriter::place_volumes(Leading const& leading) const {
+    std::string const root = version_ == 3 ? folder_ + "/c" : folder_;
+    if (leading.extents.empty()) {
+        if (version_ == 3) return move(volume(0), root);
+        for (std::int64_t z = 0; z < parts_of(dims_.z, shard_.z); ++z)
+            move(text(volume(0), "/", z), text(root, "/", z));
+        if (::rmdir(volume(0).c_str()) != 0) throw system_error(text("cannot write '", lasting_name(volume(0)), "'"));
+        return;
+    }
+    make_directory(root);
+    std::int64_t const row = leading.extents[leading.turned ? 0 : leading.extents.size() - 1];
+    for (std::int64_t i = 0; i <= volume_; ++i) {
+        if (leading.extents.size() == 1) {
+            move(volume(i), text(root, "/", i));
+            continue;
+        }
+        std::int64_t const first = leading.turned ? i % row : i / row, second = leading.turned ? i / row : i % row;
+        make_directory(text(root, "/", first));
+        move(volume(i), text(root, "/", first, "/", second));
+    }
+}
+
+void LevelWriter::finish(Leading const& leading, Json const& attributes) {
+    close_shards();
+    place_volumes(leading);
+    Json const about = metadata(leading, attributes);
+    if (version_ == 3) return write_json(folder_ + "/zarr.json", about);
+    write_json(folder_ + "/.zarray", about);
     write_json(folder_ + "/.zattrs", attributes);
 }
 

@@ -10,7 +10,9 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/zarr_image.h"
 #include "libvkt/formats/zarr_level.h"
 #include "libvkt/formats/zip_archive.h"
 #include "libvkt/io/output_directory.h"
@@ -19,9 +21,11 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -68,6 +72,43 @@ template <class T> void add_means(std::byte const* a, std::byte const* b, Index3
         }
 }
 
+/// As OME-NGFF spells it; empty for what it does not know.
+std::string time_unit(Header const& header) {
+    auto const found = header.attributes.find("sequence units");
+    auto const units = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    constexpr std::pair<char const*, char const*> names[] = {{"\"s\"", "second"},
+                                                             {"\"ms\"", "millisecond"},
+                                                             {"\"us\"", "microsecond"},
+                                                             {"\"ns\"", "nanosecond"},
+                                                             {"\"min\"", "minute"}};
+    for (auto const& [sign, name] : names)
+        if (units && units->size() == 1 && units->front() == sign) return name;
+    return "";
+}
+
+/// How viewers show channels: by their names, white, in the range of their type. Null where only their numbers are
+/// known.
+Json omero(SeriesAxis const& axis, DataType type) {
+    std::vector<std::string> const names = channels_of(axis);
+    Json channels = Json::array();
+    bool named = false;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        named = named || names[i] != to_text(static_cast<std::int64_t>(i));
+        Json range = with_type(type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<T>)
+                return std::array<Json, 2>{std::numeric_limits<T>::min(), std::numeric_limits<T>::max()};
+            else
+                return std::array<Json, 2>{0.0, 1.0};
+        });
+        channels.push_back(
+            {{"label", names[i]},
+             {"color", "FFFFFF"},
+             {"active", true},
+             {"window", {{"min", range[0]}, {"max", range[1]}, {"start", range[0]}, {"end", range[1]}}}});
+    }
+    return named ? Json{{"channels", channels}} : Json(nullptr);
+}
+
 bool in_zip(std::string const& path) { return lower_case(path).ends_with(".zip"); }
 
 /// A store in a ZIP file is made in a directory beside it first, since chunks come from several threads.
@@ -93,6 +134,8 @@ private:
 
     void take(std::size_t level, std::byte const* voxels, std::size_t n);
     void make_slice(std::size_t level, std::byte const* a, std::byte const* b);
+    void open_levels();
+    std::vector<SeriesAxis> axes() const;
     Json image() const;
     Json about() const;
     Json dimensions() const;
@@ -101,14 +144,29 @@ private:
     WriteOptions options_;
     OutputDirectory directory_;
     std::optional<OutputFile> zip_;
+    SeriesAxes series_{"Zarr array", ".zarr"};
     Header header_;
     std::vector<Level> levels_;
-    bool begun_ = false;
 };
 
 void ZarrWriter::begin(Header const& header) {
-    refuse_bricks_and_series(header, begun_, "Zarr arrays", "a Zarr array", ".zarr");
-    header_ = in_utf8(header);
+    refuse_bricks(header, "Zarr arrays");
+    series_.add(header);
+    if (levels_.empty()) {
+        header_ = series_.header();
+        open_levels();
+    }
+    for (Level& level : levels_) {
+        if (series_.volumes() > 1) level.writer.next_volume();
+        level.slices = 0;
+    }
+    // Chunks of zeros are left out, but how many there will be is not known.
+    std::size_t bytes = 0;
+    for (Level const& level : levels_) bytes += level.writer.bytes().value_or(0);
+    directory_.expect(bytes, "write it compressed, of which the size is not known before: --compress");
+}
+
+void ZarrWriter::open_levels() {
     std::vector<Index3> dims{header_.dims};
     while (options_.pyramid && std::max({dims.back().x, dims.back().y, dims.back().z}) > coarsest)
         dims.push_back({half(dims.back().x), half(dims.back().y), half(dims.back().z)});
@@ -128,10 +186,6 @@ void ZarrWriter::begin(Header const& header) {
                            {}});
         share = std::max<std::size_t>(share / 2, 1);
     }
-    // Chunks of zeros are left out, but how many there will be is not known.
-    std::size_t bytes = 0;
-    for (Level const& level : levels_) bytes += level.writer.bytes().value_or(0);
-    directory_.expect(bytes, "write it compressed, of which the size is not known before: --compress");
 }
 
 void ZarrWriter::write(std::byte const* voxels, std::size_t n) { take(0, voxels, n); }
@@ -167,9 +221,20 @@ void ZarrWriter::make_slice(std::size_t level, std::byte const* a, std::byte con
     take(level + 1, out.data(), out.size());
 }
 
+/// Slowest first; of OME-Zarr times come before channels, in whatever order the volumes came.
+std::vector<SeriesAxis> ZarrWriter::axes() const {
+    std::vector<SeriesAxis> result = series_.axes();
+    if (options_.pyramid && result.size() == 2 && !result[0].time) std::swap(result[0], result[1]);
+    return result;
+}
+
 /// What xarray looks for; version 3 names dimensions itself.
 Json ZarrWriter::dimensions() const {
-    return options_.zarr.version == 2 ? Json{{"_ARRAY_DIMENSIONS", {"z", "y", "x"}}} : Json::object();
+    if (options_.zarr.version != 2) return Json::object();
+    Json names = Json::array();
+    for (SeriesAxis const& axis : axes()) names.push_back(axis.name());
+    for (char const* const axis : {"z", "y", "x"}) names.push_back(axis);
+    return {{"_ARRAY_DIMENSIONS", names}};
 }
 
 /// Of the finest array: besides, all of the header.
@@ -184,6 +249,7 @@ Json ZarrWriter::about() const {
     kept.timing = kept.dry_run = false;
     if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
     result["vkt"] = Json::parse(to_json(kept));
+    for (SeriesAxis const& axis : axes()) result[zarr::series_attribute][axis.name()] = axis.places;
     return result;
 }
 
@@ -198,7 +264,20 @@ Json ZarrWriter::image() const {
                                                              {"\"nm\"", "nanometer"},
                                                              {"\"m\"", "meter"},
                                                              {"\"angstrom\"", "angstrom"}};
+    std::vector<SeriesAxis> const series = axes();
     Json axes = Json::array();
+    Json before = Json::array(), first = Json::array(); // scales and translations of dimensions before z
+    Json channels;
+    for (SeriesAxis const& axis : series) {
+        Json entry{{"name", axis.name()}, {"type", axis.time ? "time" : "channel"}};
+        auto const steps = axis.time ? steps_of(axis, header_) : std::nullopt;
+        std::string const unit = steps ? time_unit(header_) : "";
+        if (!unit.empty()) entry["unit"] = unit;
+        axes.push_back(entry);
+        before.push_back(steps ? steps->step : 1.0);
+        first.push_back(steps ? steps->first : 0.0);
+        if (!axis.time) channels = omero(axis, header_.dtype);
+    }
     for (char const* const axis : {"z", "y", "x"}) {
         Json entry{{"name", axis}, {"type", "space"}};
         for (auto const& [sign, name] : names)
@@ -207,7 +286,7 @@ Json ZarrWriter::image() const {
     }
     Json datasets = Json::array();
     for (std::size_t i = 0; i < levels_.size(); ++i) {
-        Json scale = Json::array(), translation = Json::array();
+        Json scale = before, translation = first;
         for (int a = 2; a >= 0; --a) {
             // Axes of one voxel are not halved any more.
             double width = 1;
@@ -221,15 +300,29 @@ Json ZarrWriter::image() const {
              {"coordinateTransformations",
               {{{"type", "scale"}, {"scale", scale}}, {{"type", "translation"}, {"translation", translation}}}}});
     }
-    if (options_.zarr.version == 2)
-        return {{"multiscales", {{{"version", "0.4"}, {"axes", axes}, {"datasets", datasets}, {"type", "mean"}}}}};
-    return {
-        {"ome", {{"version", "0.5"}, {"multiscales", {{{"axes", axes}, {"datasets", datasets}, {"type", "mean"}}}}}}};
+    bool const second = options_.zarr.version == 2;
+    Json about{{"axes", axes}, {"datasets", datasets}, {"type", "mean"}};
+    Json result = second ? Json::object() : Json{{"version", "0.5"}};
+    if (second) about["version"] = "0.4";
+    result["multiscales"] = Json::array({about});
+    if (!channels.is_null()) result["omero"] = channels;
+    return second ? result : Json{{"ome", result}};
 }
 
 void ZarrWriter::close() {
-    if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
-    for (std::size_t i = 0; i < levels_.size(); ++i) levels_[i].writer.finish(i == 0 ? about() : dimensions());
+    if (levels_.empty()) throw Error(ErrorKind::data, "there is no volume to write");
+    series_.finish();
+    header_ = series_.header();
+    if (!series_.differing().empty() && options_.notice)
+        options_.notice(text("one Zarr array does not hold attributes that differ between its volumes (",
+                             join(series_.differing(), ", "), "): not kept"));
+    zarr::Leading leading;
+    for (SeriesAxis const& axis : axes()) {
+        leading.names.push_back(axis.name());
+        leading.extents.push_back(axis.size());
+    }
+    leading.turned = leading.names.size() == 2 && leading.names[0] != series_.axes()[0].name();
+    for (std::size_t i = 0; i < levels_.size(); ++i) levels_[i].writer.finish(leading, i == 0 ? about() : dimensions());
     if (options_.pyramid && options_.zarr.version == 2) {
         write_json(directory_.file(".zgroup"), {{"zarr_format", 2}});
         write_json(directory_.file(".zattrs"), image());

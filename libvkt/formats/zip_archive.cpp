@@ -149,7 +149,7 @@ std::string said_twice(ZipMember const& m) {
     std::string bytes;
     put_number(bytes, 45, 2);     // numbers of 64 bits
     put_number(bytes, 0x0800, 2); // names are UTF-8
-    put_number(bytes, stored, 2);
+    put_number(bytes, static_cast<std::uint64_t>(m.method), 2);
     put_number(bytes, 0x00210000, 4); // 1980: equal stores give equal files
     put_number(bytes, m.checksum, 4);
     put_number(bytes, in_extra, 4);
@@ -177,20 +177,49 @@ void ZipWriter::put(std::string const& bytes) {
 }
 
 void ZipWriter::add(std::string const& name, ByteSource& bytes) {
-    ZipMember m;
-    m.name = name;
-    m.at = at_;
-    put(local_header(m)); // completed below
+    begin(name, stored);
     std::vector<std::byte> part(std::size_t{1} << 20);
+    std::uint64_t count = 0, checksum = 0;
     while (std::size_t const n = bytes.read(part.data(), part.size())) {
-        m.checksum = crc32_z(m.checksum, reinterpret_cast<Bytef const*>(part.data()), n);
-        m.bytes = m.packed = m.bytes + n;
+        checksum = crc32_z(checksum, reinterpret_cast<Bytef const*>(part.data()), n);
+        count += n;
         file_.write(part.data(), n);
     }
-    at_ += m.bytes;
+    end(count, count, checksum);
+}
+
+void ZipWriter::copy(ByteSource const& archive, ZipMember member) {
+    std::int64_t from = zip_begin(archive, member);
+    std::vector<std::byte> part(std::size_t{1} << 20);
+    begin(member.name, member.method);
+    for (std::uint64_t left = member.packed; left > 0;) {
+        auto const n = static_cast<std::size_t>(std::min<std::uint64_t>(left, part.size()));
+        archive.read_at(from, part.data(), n);
+        file_.write(part.data(), n);
+        from += static_cast<std::int64_t>(n);
+        left -= n;
+    }
+    end(member.bytes, member.packed, member.checksum);
+}
+
+std::int64_t ZipWriter::begin(std::string const& name, int method) {
+    ZipMember m;
+    m.name = name;
+    m.method = method;
+    m.at = at_;
+    put(local_header(m)); // completed by end()
+    members_.push_back(std::move(m));
+    return static_cast<std::int64_t>(at_);
+}
+
+void ZipWriter::end(std::uint64_t bytes, std::uint64_t packed, std::uint64_t checksum) {
+    ZipMember& m = members_.back();
+    m.bytes = bytes;
+    m.packed = packed;
+    m.checksum = checksum;
+    at_ += packed;
     std::string const head = local_header(m);
     file_.write_at(static_cast<std::int64_t>(m.at), head.data(), head.size());
-    members_.push_back(std::move(m));
 }
 
 void ZipWriter::finish() {

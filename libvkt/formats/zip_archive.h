@@ -44,13 +44,19 @@ std::string zip_first_name(std::span<std::byte const> head);
 /// What follows the directory of so many members, which has that length and begins at `at`.
 std::string zip_end(std::uint64_t count, std::uint64_t length, std::uint64_t at);
 
-/// Members stored as they are, with numbers of 64 bits and no times, so that equal stores are equal files.
+/// Members with numbers of 64 bits and no times, so that equal stores are equal files.
 class ZipWriter {
 public:
     /// `file` can be written to again.
     explicit ZipWriter(OutputFile& file) : file_(file) {}
-    /// The whole of a file, under this name.
+    /// The whole of a file, stored as it is under this name.
     void add(std::string const& name, ByteSource& bytes);
+    /// A member of another archive, packed as it is there. Throws Error{data} for what zip_begin() refuses.
+    void copy(ByteSource const& archive, ZipMember member);
+    /// A member whose bytes the caller writes to the file, from the position on that is returned.
+    std::int64_t begin(std::string const& name, int method);
+    /// After the last of them.
+    void end(std::uint64_t bytes, std::uint64_t packed, std::uint64_t checksum);
     /// The directory. Nothing is added afterwards.
     void finish();
 

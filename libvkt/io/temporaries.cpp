@@ -80,9 +80,12 @@ struct KernelEntry {
     char name[1];
 };
 
-/// Names of directories below ours: numbers (a Zarr store's), Level_ and a number (a plotfile's).
+/// Names of directories below ours: numbers, c, volume. and a number (a Zarr store's), Level_ and a number (a
+/// plotfile's).
 bool is_own_directory(char const* name) {
-    if (std::strncmp(name, "Level_", 6) == 0) name += 6;
+    if (std::strcmp(name, "c") == 0) return true;
+    for (char const* const prefix : {"Level_", "volume."})
+        if (std::size_t const n = std::strlen(prefix); std::strncmp(name, prefix, n) == 0) name += n;
     for (; *name >= '0' && *name <= '9'; ++name) {
     }
     return *name == '\0';

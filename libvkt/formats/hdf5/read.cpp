@@ -6,6 +6,7 @@
 #include "libvkt/formats/hdf5/filters.h"
 #include "libvkt/formats/hdf5/open.h"
 #include "libvkt/formats/hdf5_module.h"
+#include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
 
@@ -15,6 +16,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -23,6 +25,7 @@ namespace {
 
 constexpr std::size_t most_datasets = 4096, chunk_cache = std::size_t{64} << 20;
 constexpr hsize_t longest_scale = hsize_t{1} << 24;
+constexpr hssize_t longest_list = 8192; ///< of an attribute, which is no larger than 64 KiB
 constexpr std::size_t longest_text = std::size_t{16} << 20;
 constexpr std::string_view itk_voxels = "/VoxelData"; ///< the dataset of an image, in its group
 
@@ -184,15 +187,19 @@ private:
     void find_linked(std::string const& path);
     void check_elsewhere(hid_t data, std::string const& file, int depth, std::vector<std::string>& not_read) const;
     std::optional<double> number(hid_t object, char const* name) const;
-    std::vector<double> numbers(hid_t object, char const* name) const;
+    std::vector<double> numbers(hid_t object, char const* name, hssize_t most = 64) const;
+    std::vector<std::string> texts(hid_t object, char const* name) const;
     std::string words(hid_t object, char const* name) const;
     void choose(std::string const& variable, ParsedGrids& grids);
     void mark_places();
     std::vector<double> values(std::string const& path) const;
-    bool read_itk(ParsedGrids& grids) const;
+    bool read_itk(ParsedGrids& grids);
+    std::vector<std::string> labels() const;
     Handle scale_of(int dimension) const;
     bool of_time(int dimension) const;
-    void read_scales(ParsedGrids& grids) const;
+    void read_scales(ParsedGrids& grids);
+    void read_series(Header& header);
+    void say_places(ParsedGrids& grids) const;
     void read_about(ParsedGrids& grids);
     void use_ours(Header& header, std::string const& json) const;
     void find_places(ParsedGrids& grids) const;
@@ -204,7 +211,10 @@ private:
     std::vector<Dataset> datasets_;
     std::optional<Handle> data_, type_, space_;
     std::vector<hsize_t> shape_;
-    std::array<int, 4> axis_{-1, -1, -1, -1}; ///< of the dataset: of x, y, z and of the sequence
+    std::array<int, 3> axis_{-1, -1, -1}; ///< of the dataset: of x, y, z
+    std::vector<int> leading_;            ///< those that enumerate volumes, slowest first
+    /// Of each of these, what is said of its entries; may be empty.
+    std::vector<std::vector<std::map<std::string, std::string>>> leading_places_;
     std::size_t element_ = 1;
 };
 
@@ -351,7 +361,7 @@ std::vector<double> File::values(std::string const& path) const {
 }
 
 /// An image of ITK's: x first in its lists, a row of Directions for each axis of the voxels, and ITK's world.
-bool File::read_itk(ParsedGrids& grids) const {
+bool File::read_itk(ParsedGrids& grids) {
     Header& header = grids.header;
     std::string const& path = header.attributes["variable"];
     if (!path.ends_with(itk_voxels)) return false;
@@ -375,20 +385,20 @@ bool File::read_itk(ParsedGrids& grids) const {
     }
     check(header.geometry);
     header.attributes["space"] = "left-posterior-superior";
-    for (std::int64_t i = 0; rank == 4 && i < grids.volumes; ++i)
-        grids.attributes.push_back({{"sequence position", to_text(origin[3] + spacing[3] * static_cast<double>(i))},
-                                    {"sequence step", to_text(spacing[3])}});
+    for (std::int64_t i = 0; rank == 4 && leading_.size() == 1 && i < grids.volumes; ++i)
+        leading_places_[0].push_back({{"sequence position", to_text(origin[3] + spacing[3] * static_cast<double>(i))},
+                                      {"sequence step", to_text(spacing[3])}});
     return true;
 }
 
-std::vector<double> File::numbers(hid_t object, char const* name) const {
+std::vector<double> File::numbers(hid_t object, char const* name, hssize_t most) const {
     if (H5Aexists(object, name) <= 0) return {};
     Handle const attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
     if (!attribute) return {};
     Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
     hssize_t const n = H5Sget_simple_extent_npoints(space);
     H5T_class_t const kind = H5Tget_class(type);
-    if (n < 1 || n > 64 || (kind != H5T_INTEGER && kind != H5T_FLOAT)) return {};
+    if (n < 1 || n > most || (kind != H5T_INTEGER && kind != H5T_FLOAT)) return {};
     std::vector<double> values(static_cast<std::size_t>(n));
     if (H5Aread(attribute, H5T_NATIVE_DOUBLE, values.data()) < 0) return {};
     return values;
@@ -421,6 +431,32 @@ std::string File::words(hid_t object, char const* name) const {
     H5Tset_size(memory, size + 1);
     if (H5Aread(attribute, memory, result.data()) < 0) return {};
     result.resize(result.find('\0'));
+    return result;
+}
+
+/// A list of texts of any length each; empty if it is none.
+std::vector<std::string> File::texts(hid_t object, char const* name) const {
+    if (H5Aexists(object, name) <= 0) return {};
+    Handle const attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+    if (!attribute) return {};
+    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    hssize_t const n = H5Sget_simple_extent_npoints(space);
+    if (n < 1 || n > longest_list || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) <= 0) return {};
+    std::vector<char*> read(static_cast<std::size_t>(n));
+    Handle const memory(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_cset(memory, H5Tget_cset(type));
+    H5Tset_size(memory, H5T_VARIABLE);
+    if (H5Aread(attribute, memory, static_cast<void*>(read.data())) < 0) return {};
+    std::vector<std::string> result;
+    for (char const* const one : read) result.emplace_back(one == nullptr ? "" : one);
+    H5Dvlen_reclaim(memory, space, H5P_DEFAULT, static_cast<void*>(read.data()));
+    return result;
+}
+
+/// Names of the dimensions where some of them are directions in space; else empty.
+std::vector<std::string> File::labels() const {
+    std::vector<std::string> result = texts(*data_, "DIMENSION_LABELS");
+    if (result.size() != shape_.size() || std::all_of(result.begin(), result.end(), enumerates)) result.clear();
     return result;
 }
 
@@ -484,20 +520,25 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     int const times = first != shape_.end() && of_time(static_cast<int>(first - shape_.begin()))
                           ? static_cast<int>(first - shape_.begin())
                           : -1;
+    std::vector<std::string> const names = labels();
     for (int k = rank - 1; k >= 0; --k) {
-        if (shape_[static_cast<std::size_t>(k)] == 1 && (rank > 4 || next >= 3)) continue;
-        if (k == times && next >= 1) {
-            axis_[3] = k;
-            break;
-        }
-        if (next == 4)
+        bool const named = !names.empty() && enumerates(names[static_cast<std::size_t>(k)]);
+        if (!named && shape_[static_cast<std::size_t>(k)] == 1 && (rank > 4 || next >= 3)) continue;
+        if (!named && next == 4)
             fail(text("dataset '", d.path, "' has more than four dimensions"), "take a part of it with h5py");
-        axis_[static_cast<std::size_t>(next++)] = k;
+        bool const first_of_times = k == times && next >= 1;
+        if (named || first_of_times || next == 3)
+            leading_.insert(leading_.begin(), k);
+        else
+            axis_[static_cast<std::size_t>(next)] = k;
+        if (first_of_times) break;
+        if (!named) ++next;
     }
+    leading_places_.resize(leading_.size());
     for (int a = 0; a < 3; ++a)
         if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0)
             grids.header.dims[a] = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]);
-    if (axis_[3] >= 0) grids.volumes = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(axis_[3])]);
+    for (int const k : leading_) grids.volumes *= static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]);
 }
 
 /// The dataset that says where the samples along a dimension lie; false if there is none.
@@ -529,12 +570,13 @@ bool File::of_time(int dimension) const {
 }
 
 /// Coordinates of the samples along each dimension, where they have even steps.
-void File::read_scales(ParsedGrids& grids) const {
+void File::read_scales(ParsedGrids& grids) {
     Header& header = grids.header;
-    std::array<std::string, 4> units;
-    for (int a = 0; a < 4; ++a) {
-        int const k = axis_[static_cast<std::size_t>(a)];
-        if (k < 0) continue;
+    std::array<std::string, 3> units;
+    for (int k = 0; k < static_cast<int>(shape_.size()); ++k) {
+        auto const axis = std::find(axis_.begin(), axis_.end(), k) - axis_.begin();
+        auto const lead = std::find(leading_.begin(), leading_.end(), k) - leading_.begin();
+        if (axis == std::ssize(axis_) && lead == std::ssize(leading_)) continue;
         Handle const scale = scale_of(k);
         if (!scale) continue;
         Handle const scale_space(H5Dget_space(scale), H5Sclose), scale_type(H5Dget_type(scale), H5Tclose);
@@ -545,14 +587,60 @@ void File::read_scales(ParsedGrids& grids) const {
         if (words(scale, "NAME").starts_with("This is a netCDF dimension but not a netCDF variable")) continue;
         std::vector<double> at(n);
         if (H5Dread(scale, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, at.data()) < 0) continue;
-        units[static_cast<std::size_t>(a)] = words(scale, "units");
-        if (a == 3)
-            grids.attributes = sequence_places(at, units[3]);
-        else
-            place_axis(header, a, at);
+        if (axis == std::ssize(axis_)) {
+            leading_places_[static_cast<std::size_t>(lead)] = sequence_places(at, words(scale, "units"));
+            continue;
+        }
+        units[static_cast<std::size_t>(axis)] = words(scale, "units");
+        place_axis(header, static_cast<int>(axis), at);
     }
     if (!units[0].empty() && units[0].find('"') == std::string::npos && units[0] == units[1] && units[0] == units[2])
         header.attributes["space units"] = text("\"", units[0], "\" \"", units[0], "\" \"", units[0], "\"");
+}
+
+/// Times and channels as vkt writes them, of the dimensions that are named so.
+void File::read_series(Header& header) {
+    std::vector<std::string> const names = labels();
+    auto const stated = [&](char const* name) {
+        auto const found = header.attributes.find(name);
+        return found == header.attributes.end() ? std::nullopt : number_in(found->second);
+    };
+    for (std::size_t i = 0; i < leading_.size() && !names.empty(); ++i) {
+        auto const k = static_cast<std::size_t>(leading_[i]);
+        auto const n = static_cast<std::size_t>(shape_[k]);
+        auto& places = leading_places_[i];
+        auto const channels = texts(*data_, channel_attribute);
+        if (names[k] == "c" && channels.size() == n) {
+            places.clear();
+            for (std::string const& channel : channels) places.push_back({{"channel", in_utf8(channel)}});
+        }
+        if (names[k] != "t") continue;
+        auto const at = numbers(*data_, position_attribute, longest_list);
+        auto const first = stated("sequence position"), step = stated("sequence step");
+        if (at.size() == n) places = sequence_places(at, in_utf8(words(*data_, units_attribute)));
+        for (std::size_t t = 0; at.empty() && first && step && n <= longest_scale && t < n; ++t)
+            places.push_back({{"sequence position", to_text(*first + static_cast<double>(t) * *step)}});
+        // What the header says is not rounded.
+        for (auto& said : places)
+            for (char const* const name : {"sequence step", "sequence units"})
+                if (header.attributes.contains(name)) said.erase(name);
+    }
+}
+
+/// What is said of each volume.
+void File::say_places(ParsedGrids& grids) const {
+    bool const any =
+        std::any_of(leading_places_.begin(), leading_places_.end(), [](auto const& p) { return !p.empty(); });
+    for (std::int64_t v = 0; any && v < grids.volumes; ++v) {
+        auto& said = grids.attributes.emplace_back();
+        auto rest = static_cast<std::size_t>(v);
+        for (std::size_t i = leading_.size(); i-- > 0;) {
+            auto const n = static_cast<std::size_t>(shape_[static_cast<std::size_t>(leading_[i])]);
+            if (!leading_places_[i].empty())
+                said.insert(leading_places_[i][rest % n].begin(), leading_places_[i][rest % n].end());
+            rest /= n;
+        }
+    }
 }
 
 void File::read_about(ParsedGrids& grids) {
@@ -584,6 +672,8 @@ void File::read_about(ParsedGrids& grids) {
         }
     header = in_utf8(std::move(header));
     use_ours(header, words(data, header_attribute));
+    read_series(header);
+    say_places(grids);
 }
 
 /// What vkt wrote has all of the header, and counts as long as spacing and origin are still those written with it.
@@ -613,7 +703,9 @@ void File::find_places(ParsedGrids& grids) const {
     H5Pget_userblock(file_creation, &user_block);
     haddr_t const offset = H5Dget_offset(*data_);
     bool const as_it_is = plain(*type_) && user_block == 0;
-    if (as_it_is && H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
+    bool const in_order = std::is_sorted(leading_.begin(), leading_.end()) &&
+                          (leading_.empty() || leading_.back() < static_cast<int>(leading_.size()));
+    if (as_it_is && in_order && H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
         offset != HADDR_UNDEF) {
         std::int64_t const slice = grids.header.dims.x * grids.header.dims.y * static_cast<std::int64_t>(element_);
         std::int64_t const slices = grids.header.dims.z * grids.volumes;
@@ -691,7 +783,12 @@ void File::read(std::int64_t volume, Box const& box, std::byte* to) {
             start[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.lower[a]);
             count[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.dims()[a]);
         }
-    if (axis_[3] >= 0) start[static_cast<std::size_t>(axis_[3])] = static_cast<hsize_t>(volume);
+    auto rest = static_cast<hsize_t>(volume);
+    for (std::size_t i = leading_.size(); i-- > 0;) {
+        auto const k = static_cast<std::size_t>(leading_[i]);
+        start[k] = rest % shape_[k];
+        rest /= shape_[k];
+    }
     // Of the same shape: HDF5 looks up the chunk of every element otherwise, thirty times as long.
     Handle const memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose),
         type = memory_type(*type_);

@@ -9,11 +9,13 @@
 #include "libvkt/formats/layers.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 
 #include <hdf5.h>
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <optional>
 
 namespace vkt::hdf5 {
@@ -26,6 +28,7 @@ constexpr std::int64_t chunk_edge = 64, chunk_depth = 16;
 constexpr std::int64_t large_slice = 512;
 /// Attributes of the older file format are no larger than 64 KiB.
 constexpr std::size_t most_history = std::size_t{24} << 10, most_attribute = std::size_t{60} << 10;
+constexpr std::int64_t most_places = 3840; ///< in an attribute, of which a text takes 16 bytes
 constexpr unsigned deflate_level = 4;
 
 hid_t half_type() {
@@ -68,7 +71,7 @@ class Writer : public VolumeWriter {
 public:
     Writer(std::string const& path, WriteOptions const& options)
         : options_(options), file_(file_part(path).file, options.force, OutputKind::named_file),
-          dataset_(file_part(path).part) {
+          dataset_(file_part(path).part), named_(!dataset_.empty()) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': HDF5 files cannot be written to a pipe"),
                         "name a file: -o out.h5");
@@ -87,53 +90,128 @@ private:
     }
     void put_numbers(char const* name, std::vector<double> const& values) const;
     void put_words(char const* name, std::string const& value) const;
-    void put_about() const;
+    void put_list(char const* name, std::vector<std::string> const& values) const;
+    void put_about();
+    void put_places();
+    void open_file();
+    bool copy_existing(hid_t access);
+    std::vector<hsize_t> leading() const;
+    void create(std::vector<hsize_t> const& leading);
+    void widen(std::vector<hsize_t> const& leading);
+    void copy_chunks(hid_t from, hid_t to) const;
     void flush();
 
     WriteOptions options_;
     OutputFile file_;
     std::string dataset_;
+    bool named_; ///< so that others of the file that is there stay
+    SeriesAxes series_{"HDF5 dataset", ".h5"};
     Header header_;
+    std::array<hsize_t, 3> shape_{}, chunk_{}; ///< z, y, x
+    std::vector<hsize_t> leading_;             ///< extents before these, so far
     std::optional<Handle> hdf5_, data_, space_, type_;
     std::size_t row_ = 0, layer_ = 0; ///< bytes of a row, and of what is written at a time
     std::int64_t depth_ = 1;          ///< slices of a chunk
-    std::int64_t rows_ = 0;           ///< that were written
+    std::int64_t rows_ = 0;           ///< of this volume that were written
     std::vector<std::byte> held_;
-    bool begun_ = false;
 };
 
 void Writer::begin(Header const& header) {
-    refuse_bricks_and_series(header, begun_, "HDF5 datasets", "an HDF5 file", ".h5");
-    header_ = in_utf8(header);
-    Index3 const n = header_.dims;
+    refuse_bricks(header, "HDF5 datasets");
+    series_.add(header);
+    if (series_.volumes() == 1) header_ = series_.header();
     file_.expect(options_.compress ? least_deflated(header_.bytes()) : header_.bytes());
+    rows_ = 0;
+    std::vector<hsize_t> const wanted = leading();
+    if (series_.volumes() == 1) {
+        open_file();
+        create(wanted);
+    } else {
+        if (wanted.size() > leading_.size()) widen(wanted);
+        std::vector<hsize_t> extents = wanted;
+        extents.insert(extents.end(), shape_.begin(), shape_.end());
+        need(H5Dset_extent(*data_, extents.data()) >= 0, "another volume");
+        space_.emplace(H5Dget_space(*data_), H5Sclose);
+    }
+    leading_ = wanted;
+}
+
+void Writer::open_file() {
+    Index3 const n = header_.dims;
     row_ = static_cast<std::size_t>(n.x) * size_of(header_.dtype);
     // Chunks are as deep as the budget allows a layer of them; slices too large for it are written row by row.
     std::size_t const slice = row_ * static_cast<std::size_t>(n.y);
     std::size_t const budget = options_.memory.value_or(default_memory()) / 8;
     depth_ = std::clamp<std::int64_t>(static_cast<std::int64_t>(budget / slice), 1, std::min(chunk_depth, n.z));
     bool const by_rows = slice > budget;
-    std::array<hsize_t, 3> const shape{static_cast<hsize_t>(n.z), static_cast<hsize_t>(n.y), static_cast<hsize_t>(n.x)};
+    shape_ = {static_cast<hsize_t>(n.z), static_cast<hsize_t>(n.y), static_cast<hsize_t>(n.x)};
     std::int64_t const rows =
         std::clamp<std::int64_t>(static_cast<std::int64_t>(budget / row_), 1, std::min(chunk_edge, n.y));
     bool const large = n.x >= large_slice && n.y >= large_slice && size_of(header_.dtype) <= 4;
     std::int64_t const edge = large ? 2 * chunk_edge : chunk_edge;
-    std::array<hsize_t, 3> chunk{static_cast<hsize_t>(depth_), static_cast<hsize_t>(std::min(edge, n.y)),
-                                 static_cast<hsize_t>(std::min(edge, n.x))};
-    if (by_rows) chunk = {1, static_cast<hsize_t>(rows), static_cast<hsize_t>(std::min(4 * chunk_edge, n.x))};
+    chunk_ = {static_cast<hsize_t>(depth_), static_cast<hsize_t>(std::min(edge, n.y)),
+              static_cast<hsize_t>(std::min(edge, n.x))};
+    if (by_rows) chunk_ = {1, static_cast<hsize_t>(rows), static_cast<hsize_t>(std::min(4 * chunk_edge, n.x))};
     layer_ = by_rows ? row_ * static_cast<std::size_t>(rows) : slice * static_cast<std::size_t>(depth_);
 
     H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     Handle const access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_file_locking(access, false, true); // it is ours, and marked as such
-    hdf5_.emplace(H5Fcreate(file_.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
+    if (!named_ || !copy_existing(access))
+        hdf5_.emplace(H5Fcreate(file_.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
     need(static_cast<bool>(*hdf5_), "the file");
     type_.emplace(file_type(header_.dtype));
-    space_.emplace(H5Screate_simple(3, shape.data(), nullptr), H5Sclose);
-    Handle const creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose), groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
-    H5Pset_create_intermediate_group(groups, 1);
-    H5Pset_chunk(creation, 3, chunk.data());
+}
+
+/// Of a file that is there, all other datasets stay: a copy of it takes its name in the end. False if there is none.
+bool Writer::copy_existing(hid_t access) {
+    namespace fs = std::filesystem;
+    std::string const& file = file_.target();
+    std::error_code failed;
+    std::uintmax_t const bytes = fs::is_regular_file(file, failed) ? fs::file_size(file, failed) : 0;
+    if (failed || bytes == 0) return false;
+    file_.expect(static_cast<std::size_t>(bytes) + header_.bytes() / (options_.compress ? 1032 : 1));
+    if (!fs::copy_file(file, file_.temporary(), fs::copy_options::overwrite_existing, failed))
+        throw Error(ErrorKind::io, text("cannot copy '", file, "': ", failed.message()));
+    hdf5_.emplace(H5Fopen(file_.temporary().c_str(), H5F_ACC_RDWR, access), H5Fclose);
+    if (!*hdf5_)
+        throw Error(ErrorKind::data, text("'", file, "' is no HDF5 file that datasets can be added to"),
+                    text("to replace all of it, name no dataset: -o ", shell_quoted(file_.path()), " --force"));
+    // Along the path there may be groups, in the end a dataset.
+    for (std::size_t end = dataset_.find('/', 1);; end = dataset_.find('/', end + 1)) {
+        std::string const path = dataset_.substr(0, end);
+        if (H5Lexists(*hdf5_, path.c_str(), H5P_DEFAULT) <= 0) return true;
+        Handle const object(H5Oopen(*hdf5_, path.c_str(), H5P_DEFAULT), H5Oclose);
+        bool const last = end == std::string::npos, group = object && H5Iget_type(object) == H5I_GROUP;
+        if (last && group)
+            throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is a group"),
+                        text("name a dataset in it: -o ", shell_quoted(text(file_.path(), ":", path, "/data"))));
+        if (!last && !group) throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is no group"));
+        if (last) break;
+    }
+    need(H5Ldelete(*hdf5_, dataset_.c_str(), H5P_DEFAULT) >= 0, "another dataset of this name");
+    return true;
+}
+
+/// Extents before z of the volumes so far.
+std::vector<hsize_t> Writer::leading() const {
+    std::vector<hsize_t> result;
+    for (std::int64_t const n : series_.extents()) result.push_back(static_cast<hsize_t>(n));
+    return result;
+}
+
+/// The dataset, without a name yet. Its first dimension grows if it enumerates volumes.
+void Writer::create(std::vector<hsize_t> const& leading) {
+    std::vector<hsize_t> shape = leading, chunk(leading.size(), 1);
+    shape.insert(shape.end(), shape_.begin(), shape_.end());
+    chunk.insert(chunk.end(), chunk_.begin(), chunk_.end());
+    std::vector<hsize_t> most = shape;
+    if (!leading.empty()) most.front() = H5S_UNLIMITED;
+    auto const rank = static_cast<int>(shape.size());
+    space_.emplace(H5Screate_simple(rank, shape.data(), most.data()), H5Sclose);
+    Handle const creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    H5Pset_chunk(creation, rank, chunk.data());
     H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);
     H5Pset_obj_track_times(creation, false); // equal volumes give equal files
     if (options_.compress) {
@@ -142,9 +220,42 @@ void Writer::begin(Header const& header) {
     }
     Handle const cache(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     H5Pset_chunk_cache(cache, 521, 0, 1); // chunks are written whole, once
-    data_.emplace(H5Dcreate2(*hdf5_, dataset_.c_str(), *type_, *space_, groups, creation, cache), H5Dclose);
+    data_.emplace(H5Dcreate_anon(*hdf5_, *type_, *space_, creation, cache), H5Dclose);
     need(static_cast<bool>(*data_), "the dataset");
-    put_about();
+}
+
+/// How many dimensions there are is known when a second volume comes, or a second row of them. What was written moves
+/// as it is, and the room that it took is used again.
+void Writer::widen(std::vector<hsize_t> const& leading) {
+    Handle const before = std::move(*data_);
+    create(leading);
+    copy_chunks(before, *data_);
+}
+
+/// All volumes so far, which are the first entry of the new dimension.
+void Writer::copy_chunks(hid_t from, hid_t to) const {
+    std::vector<hsize_t> extents = leading_, step(leading_.size(), 1);
+    extents.insert(extents.end(), shape_.begin(), shape_.end());
+    step.insert(step.end(), chunk_.begin(), chunk_.end());
+    std::vector<hsize_t> at(extents.size(), 0);
+    std::vector<std::byte> bytes;
+    for (bool more = true; more;) {
+        hsize_t size = 0;
+        std::uint32_t filters = 0;
+        need(H5Dget_chunk_storage_size(from, at.data(), &size) >= 0, "chunks of the first volumes");
+        bytes.resize(size);
+        std::vector<hsize_t> place = at;
+        place.insert(place.begin(), 0);
+        need(H5Dread_chunk(from, H5P_DEFAULT, at.data(), &filters, bytes.data()) >= 0 &&
+                 H5Dwrite_chunk(to, H5P_DEFAULT, filters, place.data(), bytes.size(), bytes.data()) >= 0,
+             "chunks of the first volumes: is the disk full?");
+        more = false;
+        for (std::size_t k = at.size(); k-- > 0 && !more;) {
+            at[k] += step[k];
+            more = at[k] < extents[k];
+            if (!more) at[k] = 0;
+        }
+    }
 }
 
 void Writer::put_numbers(char const* name, std::vector<double> const& values) const {
@@ -163,8 +274,51 @@ void Writer::put_words(char const* name, std::string const& value) const {
     need(attribute && H5Awrite(attribute, type, &words) >= 0, name);
 }
 
+void Writer::put_list(char const* name, std::vector<std::string> const& values) const {
+    hsize_t const n = values.size();
+    Handle const space(H5Screate_simple(1, &n, nullptr), H5Sclose), type(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_size(type, H5T_VARIABLE);
+    H5Tset_cset(type, H5T_CSET_UTF8);
+    std::vector<char const*> words;
+    for (std::string const& value : values) words.push_back(value.c_str());
+    Handle const attribute(H5Acreate2(*data_, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+    need(attribute && H5Awrite(attribute, type, words.data()) >= 0, name);
+}
+
+/// Where volumes lie along the dimensions that enumerate them. Times that are too many for an attribute are counted in
+/// steps from the first, which the header has.
+void Writer::put_places() {
+    std::vector<std::string> lost = series_.differing();
+    for (SeriesAxis const& axis : series_.axes()) {
+        bool const fits = axis.size() <= most_places;
+        if (!axis.time) {
+            if (fits)
+                put_list(channel_attribute, channels_of(axis));
+            else
+                lost.emplace_back("channel");
+            continue;
+        }
+        if (std::find(axis.places.begin(), axis.places.end(), "") != axis.places.end()) continue; // nothing is said
+        if (auto const steps = steps_of(axis, header_); !fits && steps) {
+            header_.attributes["sequence position"] = axis.places.front();
+            header_.attributes["sequence step"] = to_text(steps->step);
+        } else if (!fits) {
+            lost.emplace_back("sequence position");
+        } else {
+            put_numbers(position_attribute, times_of(axis));
+        }
+        auto const found = header_.attributes.find("sequence units");
+        auto const units = found == header_.attributes.end() ? std::nullopt : quoted_entries(found->second);
+        if (units && units->size() == 1)
+            put_words(units_attribute, units->front().substr(1, units->front().size() - 2));
+    }
+    if (!lost.empty() && options_.notice)
+        options_.notice(text("one HDF5 dataset does not hold attributes that differ between its volumes (",
+                             join(lost, ", "), "): not kept"));
+}
+
 /// What others look for, and all of the header for vkt. Lists are in the order of the dataset's axes.
-void Writer::put_about() const {
+void Writer::put_about() {
     Geometry const& g = header_.geometry;
     put_numbers("spacing", {g.spacing.z, g.spacing.y, g.spacing.x});
     put_numbers("origin", {g.origin.z, g.origin.y, g.origin.x});
@@ -181,12 +335,11 @@ void Writer::put_about() const {
         put_numbers("add_offset", {header_.values.intercept});
     }
     if (!header_.units.empty()) put_words("units", header_.units);
-    std::array<char const*, 3> const names{"z", "y", "x"};
-    hsize_t const three = 3;
-    Handle const space(H5Screate_simple(1, &three, nullptr), H5Sclose), type(H5Tcopy(H5T_C_S1), H5Tclose);
-    H5Tset_size(type, H5T_VARIABLE);
-    Handle const labels(H5Acreate2(*data_, "DIMENSION_LABELS", type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
-    need(labels && H5Awrite(labels, type, names.data()) >= 0, "the names of the axes");
+    std::vector<std::string> names;
+    for (SeriesAxis const& axis : series_.axes()) names.push_back(axis.name());
+    names.insert(names.end(), {"z", "y", "x"});
+    put_list("DIMENSION_LABELS", names);
+    put_places();
     Header kept = header_;
     kept.timing = kept.dry_run = false;
     if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
@@ -200,10 +353,16 @@ void Writer::flush() {
     auto const height = static_cast<hsize_t>(header_.dims.y);
     auto const first = static_cast<hsize_t>(rows_);
     bool const slices = rows % height == 0 && first % height == 0;
-    std::array<hsize_t, 3> const start{first / height, slices ? 0 : first % height, 0};
-    std::array<hsize_t, 3> const count{slices ? rows / height : 1, slices ? height : rows,
-                                       static_cast<hsize_t>(header_.dims.x)};
-    Handle const memory(H5Screate_simple(3, count.data(), nullptr), H5Sclose);
+    std::vector<hsize_t> start, count(leading_.size(), 1);
+    auto volume = static_cast<hsize_t>(series_.volumes() - 1);
+    for (std::size_t k = leading_.size(); k-- > 0;) {
+        start.insert(start.begin(), volume % leading_[k]);
+        volume /= leading_[k];
+    }
+    start.insert(start.end(), {first / height, slices ? 0 : first % height, 0});
+    count.insert(count.end(),
+                 {slices ? rows / height : 1, slices ? height : rows, static_cast<hsize_t>(header_.dims.x)});
+    Handle const memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose);
     H5Sselect_hyperslab(*space_, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
     need(H5Dwrite(*data_, *type_, memory, *space_, H5P_DEFAULT, held_.data()) >= 0, "voxels: is the disk full?");
     rows_ += static_cast<std::int64_t>(rows);
@@ -218,7 +377,13 @@ void Writer::write(std::byte const* voxels, std::size_t n) {
 }
 
 void Writer::close() {
-    if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
+    if (series_.volumes() == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    series_.finish();
+    header_ = series_.header();
+    put_about();
+    Handle const groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
+    H5Pset_create_intermediate_group(groups, 1);
+    need(H5Olink(*data_, *hdf5_, dataset_.c_str(), groups, H5P_DEFAULT) >= 0, "the dataset");
     bool good = data_->reset();
     good = space_->reset() && good;
     good = type_->reset() && good;

@@ -26,9 +26,9 @@ constexpr std::int64_t most_planes = std::int64_t{1} << 24;
 /// Units as NRRD and NIfTI write them.
 std::string plain_unit(std::string unit) {
     static std::map<std::string, std::string> const names{
-        {"micron", "um"}, {"\\u00B5m", "um"}, {"\xC2\xB5m", "um"},  {"\xCE\xBCm", "um"},
-        {"\xB5m", "um"},  {"microns", "um"},  {"millimeter", "mm"}, {"millimeters", "mm"},
-        {"inch", "inch"}, {"pixel", ""},      {"pixels", ""}};
+        {"micron", "um"},         {"\\u00B5m", "um"},   {"\xC2\xB5m", "um"},   {"\xCE\xBCm", "um"}, {"\xB5m", "um"},
+        {"microns", "um"},        {"millimeter", "mm"}, {"millimeters", "mm"}, {"inch", "inch"},    {"in", "inch"},
+        {"\xC3\x85", "angstrom"}, {"pixel", ""},        {"pixels", ""}};
     auto const found = names.find(unit);
     return found == names.end() ? unit : found->second;
 }
@@ -151,6 +151,10 @@ public:
                 static_cast<OmeReader*>(self)->begin(name, attributes);
             },
             [](void* self, XML_Char const* name) { static_cast<OmeReader*>(self)->end(name); });
+        XML_SetCharacterDataHandler(parser, [](void* self, XML_Char const* characters, int n) {
+            auto& reader = *static_cast<OmeReader*>(self);
+            if (reader.in_ours_) reader.ours_.append(characters, static_cast<std::size_t>(n));
+        });
         // Nothing that a document may define is needed.
         XML_SetStartDoctypeDeclHandler(parser, [](void* self, XML_Char const*, XML_Char const*, XML_Char const*, int) {
             static_cast<OmeReader*>(self)->ok_ = false;
@@ -159,6 +163,11 @@ public:
         XML_ParserFree(parser);
         if (!parsed || !ok_ || !seen_) return false;
         place();
+        if (ours_.empty() || images_ != 1) return true;
+        try {
+            result_.ours = header_from_json(std::string(trimmed(ours_)));
+        } catch (Error const&) { // another program has changed it
+        }
         return true;
     }
 
@@ -192,6 +201,7 @@ private:
         Attributes a;
         for (; list[0] != nullptr; list += 2) a.emplace(list[0], list[1]);
         std::string const name = local(full);
+        if (name == "CommentAnnotation") in_ours_ = ours_.empty() && a["Namespace"] == tiff_header_namespace;
         if (name == "Image") {
             std::string const called = a["Name"].empty() ? text("image ", images_) : a["Name"];
             in_wanted_ = !seen_ && (take_first_ || called == wanted_);
@@ -220,7 +230,9 @@ private:
     } catch (Error const&) {
         failure_ = std::current_exception(); // C code is between here and who catches it
     }
-    void end(std::string const&) {}
+    void end(std::string const& full) {
+        if (local(full) == "CommentAnnotation") in_ours_ = false;
+    }
 
     void pixels(Attributes& a) {
         seen_ = true;
@@ -325,7 +337,8 @@ private:
     std::string const& wanted_;
     bool take_first_;
     TiffDescription& result_;
-    bool ok_ = true, seen_ = false, sized_ = false, in_wanted_ = false;
+    bool ok_ = true, seen_ = false, sized_ = false, in_wanted_ = false, in_ours_ = false;
+    std::string ours_;
     std::int64_t images_ = 0, z_ = 1, c_ = 1, t_ = 1;
     std::string order_;
     std::vector<Data> data_;

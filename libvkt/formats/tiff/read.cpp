@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
 #include "libvkt/formats/tiff/description.h"
 #include "libvkt/formats/tiff/layout.h"
 #include "libvkt/formats/tiff/pages.h"
@@ -72,6 +73,21 @@ TiffDescription TiffFile::describe(std::string const& image, bool trust_paths) {
     return about;
 }
 
+/// They begin where the first volume lay, and have the unit that it stated.
+void use_our_times(std::int64_t frames, ParsedGrids& grids) {
+    auto const stated = [&](char const* name) {
+        auto const found = grids.header.attributes.find(name);
+        return found == grids.header.attributes.end() ? std::nullopt : number_in(found->second);
+    };
+    auto const first = stated("sequence position"), step = stated("sequence step");
+    if (frames < 2 || !first || !step) return;
+    auto const each = grids.attributes.size() / static_cast<std::size_t>(frames);
+    for (std::size_t v = 0; v < grids.attributes.size(); ++v) {
+        for (char const* const name : {"sequence step", "sequence units"}) grids.attributes[v].erase(name);
+        grids.attributes[v]["sequence position"] = to_text(*first + static_cast<double>(v / each) * *step);
+    }
+}
+
 ParsedGrids TiffFile::open(GridsChoice const& choice) {
     std::string const& variable = choice.variable;
     ParsedGrids grids;
@@ -103,6 +119,7 @@ ParsedGrids TiffFile::open(GridsChoice const& choice) {
         ours.dry_run = ours.timing = false;
         if (!same) ours.geometry = header.geometry;
         header = std::move(ours);
+        use_our_times(about.frames, grids);
     }
     for (auto const& plane : planes_)
         if (plane.page >= pages_.taken().size() && !(about.images > 1 && pages_.taken().size() == 1))

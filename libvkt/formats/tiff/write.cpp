@@ -1,10 +1,11 @@
-// Writing TIFF with libtiff, as ImageJ does: a page a slice, the stack described in the first page.
+// Writing TIFF with libtiff, as ImageJ does: a page a slice, the stack described in the first page; channels as OME.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/tiff_module.h"
 
 #include <tiffio.h>
@@ -13,8 +14,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -36,10 +40,61 @@ void complain(char const* module, char const* format, va_list arguments) {
     complaint = text(module != nullptr ? text(module, ": ") : "", line);
 }
 
+/// Empty for types that OME does not know.
+std::string ome_type(DataType type) {
+    if (type == DataType::float32) return "float";
+    if (type == DataType::float64) return "double";
+    return is_integer(type) && size_of(type) <= 4 ? std::string(name_of(type)) : "";
+}
+
+/// The unit in an attribute that names one, or the same for so many axes; else empty.
+std::string unit_of(Header const& header, char const* attribute, std::size_t axes) {
+    auto const found = header.attributes.find(attribute);
+    auto const units = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    if (!units || units->size() != axes || units->front().size() <= 2) return "";
+    if (std::any_of(units->begin(), units->end(), [&](std::string const& unit) { return unit != units->front(); }))
+        return "";
+    return units->front().substr(1, units->front().size() - 2);
+}
+
+std::string ome_unit(std::string const& unit) {
+    constexpr std::pair<char const*, char const*> names[] = {
+        {"um", "\xC2\xB5m"},      {"nm", "nm"},  {"mm", "mm"}, {"cm", "cm"}, {"m", "m"},
+        {"angstrom", "\xC3\x85"}, {"inch", "in"}};
+    for (auto const& [own, name] : names)
+        if (unit == own) return name;
+    return "pixel";
+}
+
+/// Between two times, if they are even and in a unit that is known, or in none.
+std::optional<double> seconds_of(SeriesAxis const& times, Header const& header) {
+    auto const steps = steps_of(times, header);
+    bool const said = !times.places.front().empty() || header.attributes.contains("sequence step");
+    if (!steps || !said) return std::nullopt;
+    constexpr std::pair<char const*, double> units[] = {
+        {"", 1}, {"s", 1}, {"ms", 1000}, {"us", 1e6}, {"min", 1.0 / 60}};
+    std::string const unit = unit_of(header, "sequence units", 1);
+    for (auto const& [name, of_a_second] : units)
+        if (unit == name) return steps->step / of_a_second;
+    return std::nullopt;
+}
+
+std::string in_xml(std::string const& words) {
+    std::string result;
+    for (char const c : words)
+        result += c == '&'                               ? "&amp;"
+                  : c == '<'                             ? "&lt;"
+                  : c == '>'                             ? "&gt;"
+                  : c == '"'                             ? "&quot;"
+                  : static_cast<unsigned char>(c) < 0x20 ? " "
+                                                         : std::string(1, c);
+    return result;
+}
+
 class TiffWriter : public VolumeWriter {
 public:
     TiffWriter(std::string const& path, WriteOptions const& options)
-        : file_(path, options.force), compress_(options.compress) {
+        : file_(path, options.force), compress_(options.compress), notice_(options.notice) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': TIFF files cannot be written to a pipe"),
                         "name a file: -o out.tif");
@@ -67,12 +122,19 @@ private:
     void begin_page();
     void flush_strip();
     std::string description() const;
+    std::string imagej() const;
+    std::string ome(SeriesAxis const& channels) const;
+    std::string ours() const;
+    SeriesAxis const* axis(bool time) const;
 
     OutputFile file_;
     bool compress_;
+    std::function<void(std::string const&)> notice_;
     TIFF* tiff_ = nullptr;
-    Header first_;
-    std::int64_t volumes_ = 0, page_ = 0;
+    SeriesAxes series_{"TIFF file", ".tif"};
+    std::vector<SeriesAxis> axes_;
+    Header first_; ///< with what all volumes have in common
+    std::int64_t page_ = 0;
     std::size_t row_ = 0; ///< bytes
     std::uint32_t rows_per_strip_ = 1, rows_done_ = 0, strip_ = 0;
     bool in_page_ = false;
@@ -85,12 +147,13 @@ void TiffWriter::begin(Header const& header) {
         header.dims.y > std::numeric_limits<std::int32_t>::max())
         throw Error(ErrorKind::usage,
                     text("a page of ", header.dims.x, " by ", header.dims.y, " pixels is too large for TIFF"));
-    if (volumes_ > 0 && !same_lattice(first_, header))
-        throw Error(ErrorKind::usage, "one TIFF file cannot hold volumes of different dims, types or geometry",
-                    "write one file each: name it like out_%04d.tif");
+    series_.add(header);
+    if (series_.has_channels() && ome_type(header.dtype).empty())
+        throw Error(ErrorKind::usage, text("channels of TIFF are OME's, which knows no ", header.dtype),
+                    "convert first: vkt convert --dtype float32");
     file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
-    if (volumes_++ > 0) return;
-    first_ = in_utf8(header);
+    if (series_.volumes() > 1) return;
+    first_ = series_.header();
     row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
     std::size_t const strip = compress_ ? compressed_strip : largest_strip;
     rows_per_strip_ =
@@ -108,31 +171,77 @@ void TiffWriter::open() {
     fail();
 }
 
-/// What ImageJ writes, and a line for vkt.
+SeriesAxis const* TiffWriter::axis(bool time) const {
+    auto const found = std::find_if(axes_.begin(), axes_.end(), [&](SeriesAxis const& a) { return a.time == time; });
+    return found == axes_.end() ? nullptr : &*found;
+}
+
 std::string TiffWriter::description() const {
-    std::string result = text("ImageJ=1.53t\nimages=", first_.dims.z * volumes_, "\n");
-    if (first_.dims.z > 1 || volumes_ > 1) result += text("slices=", first_.dims.z, "\n");
-    if (volumes_ > 1) result += text("frames=", volumes_, "\nhyperstack=true\n");
-    auto const attribute = [&](char const* key) {
-        auto const found = first_.attributes.find(key);
-        return found == first_.attributes.end() ? std::string() : found->second;
-    };
-    auto const units = quoted_entries(attribute("space units"));
-    if (units && units->size() == 3 && (*units)[0] == (*units)[1] && (*units)[0] == (*units)[2] &&
-        (*units)[0].size() > 2)
-        result += text("unit=", (*units)[0].substr(1, (*units)[0].size() - 2), "\n");
+    SeriesAxis const* const channels = axis(false);
+    return channels != nullptr ? ome(*channels) : imagej();
+}
+
+/// The header, for vkt. Of times the first is there, from which others are counted.
+std::string TiffWriter::ours() const {
+    Header kept = first_;
+    kept.timing = kept.dry_run = false;
+    if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
+    if (SeriesAxis const* const times = axis(true); times != nullptr && !times->places.front().empty())
+        if (auto const steps = steps_of(*times, first_)) {
+            kept.attributes["sequence position"] = times->places.front();
+            kept.attributes["sequence step"] = to_text(steps->step);
+        }
+    return one_line(to_json(kept));
+}
+
+/// What ImageJ writes, and a line for vkt.
+std::string TiffWriter::imagej() const {
+    std::int64_t const volumes = series_.volumes();
+    std::string result = text("ImageJ=1.53t\nimages=", first_.dims.z * volumes, "\n");
+    if (first_.dims.z > 1 || volumes > 1) result += text("slices=", first_.dims.z, "\n");
+    if (volumes > 1) result += text("frames=", volumes, "\nhyperstack=true\n");
+    if (std::string const unit = unit_of(first_, "space units", 3); !unit.empty()) result += text("unit=", unit, "\n");
     result += text("spacing=", first_.geometry.spacing.z, "\nloop=false\n");
-    if (auto const step = number_in(attribute("sequence step")); step && volumes_ > 1 && *step > 0)
+    SeriesAxis const* const times = axis(true);
+    if (auto const step = times != nullptr ? seconds_of(*times, first_) : std::nullopt)
         result += text("finterval=", *step, "\n");
     if (first_.values != ValueMap{})
         result += text("cf=0\nc0=", first_.values.intercept, "\nc1=", first_.values.slope,
                        "\nvunit=", first_.units.empty() ? "Gray Value" : one_line(first_.units), "\n");
-    Header kept = first_;
-    kept.timing = kept.dry_run = false;
-    if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
-    if (volumes_ > 1) // of the first one only
-        for (char const* const key : {"sequence position", "channel"}) kept.attributes.erase(key);
-    return result + tiff_header_line + one_line(to_json(kept)) + "\n";
+    return result + tiff_header_line + ours() + "\n";
+}
+
+/// OME's document, since pages of ImageJ have channels fastest, and volumes come with their slices so.
+std::string TiffWriter::ome(SeriesAxis const& channels) const {
+    SeriesAxis const* const times = axis(true);
+    std::string const type = ome_type(first_.dtype);
+    std::string result =
+        text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+             "<OME xmlns=\"http://www.openmicroscopy.org/Schemas/OME/2016-06\" "
+             "xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" "
+             "xsi:schemaLocation=\"http://www.openmicroscopy.org/Schemas/OME/2016-06 "
+             "http://www.openmicroscopy.org/Schemas/OME/2016-06/ome.xsd\">\n"
+             "<Image ID=\"Image:0\">\n<Pixels ID=\"Pixels:0\" DimensionOrder=\"",
+             axes_.front().time || times == nullptr ? "XYZCT" : "XYZTC", "\" Type=\"", type, "\" SizeX=\"",
+             first_.dims.x, "\" SizeY=\"", first_.dims.y, "\" SizeZ=\"", first_.dims.z, "\" SizeC=\"", channels.size(),
+             "\" SizeT=\"", times == nullptr ? 1 : times->size(), "\"");
+    std::string const unit = ome_unit(unit_of(first_, "space units", 3));
+    for (int a = 0; a < 3; ++a) {
+        std::string const key = text(" PhysicalSize", std::string(1, "XYZ"[a]));
+        result += text(key, "=\"", first_.geometry.spacing[a], "\"", key, "Unit=\"", unit, "\"");
+    }
+    if (auto const step = times != nullptr ? seconds_of(*times, first_) : std::nullopt)
+        result += text(" TimeIncrement=\"", *step, "\" TimeIncrementUnit=\"s\"");
+    result += ">\n";
+    std::vector<std::string> const names = channels_of(channels);
+    for (std::size_t i = 0; i < names.size(); ++i)
+        result += text("<Channel ID=\"Channel:0:", static_cast<std::int64_t>(i), "\" Name=\"", in_xml(names[i]),
+                       "\" SamplesPerPixel=\"1\"/>\n");
+    return text(result, "<TiffData IFD=\"0\" PlaneCount=\"", first_.dims.z * series_.volumes(),
+                "\"/>\n</Pixels>\n</Image>\n<StructuredAnnotations>\n<CommentAnnotation ID=\"Annotation:0\" "
+                "Namespace=\"",
+                tiff_header_namespace, "\"><Value>", in_xml(ours()),
+                "</Value></CommentAnnotation>\n</StructuredAnnotations>\n</OME>");
 }
 
 void TiffWriter::begin_page() {
@@ -192,9 +301,16 @@ void TiffWriter::write(std::byte const* voxels, std::size_t n) {
 }
 
 void TiffWriter::close() {
-    if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    std::int64_t const volumes = series_.volumes();
+    if (volumes == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    series_.finish();
+    axes_ = series_.axes();
+    first_ = series_.header();
+    if (!series_.differing().empty() && notice_)
+        notice_(text("one TIFF file does not hold attributes that differ between its volumes (",
+                     join(series_.differing(), ", "), "): not kept"));
     complaint.clear();
-    if (volumes_ > 1) { // their number stands in the first page
+    if (volumes > 1) { // their number stands in the first page
         need(TIFFSetDirectory(tiff_, 0) != 0);
         need(TIFFSetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, description().c_str()) != 0);
         need(TIFFRewriteDirectory(tiff_) != 0);
