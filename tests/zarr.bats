@@ -100,8 +100,35 @@ check(g.create_array("one", shape=data.shape, chunks=(8, 8, 8), dtype="i2"), dat
 check(g.create_array("two", shape=data.shape, chunks=(8, 8, 8), dtype="i2"), data, "g.zarr", "--variable two")
 assert voxels("g.zarr:/one") == voxels("g.zarr/two") == data.tobytes()
 END
-    fails_with 2 'holds several arrays: one, two' vkt info g.zarr
+    fails_with 2 'holds several arrays: one, two' vkt stats g.zarr
+    vkt info g.zarr | grep 'variable one: int16, '
     fails_with 2 "did you mean 'two'" vkt read g.zarr --variable twe
+}
+
+@test "info lists the arrays of a group and of groups in it; what cannot be a volume is no choice" {
+    with_peer zarr
+    /usr/bin/python3 - <<'PY'
+from common import *
+import warnings, zarr
+warnings.simplefilter("ignore")
+data = np.arange(60, dtype="i2").reshape(3, 4, 5)
+for version in (2, 3):
+    name = f"g{version}.zarr"
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    g.create_array("b", shape=(2, 3, 4, 5), chunks=(1, 3, 4, 5), dtype="f8")
+    for path in ("inner/one", "inner/two"): g.create_array(path, shape=data.shape, chunks=data.shape, dtype="i2")[...] = data
+    i = json.loads(run(f"vkt info {name} --json"))
+    assert len(i) == 2 and i[0]["dims"] == [5, 4, 3], i
+    i = i[0]["attributes"]
+    assert i["variables"] == "b inner/one inner/two" and i["variable b"] == "float64, 5 x 4 x 3 x 2", i
+    assert i["variable inner/two"] == "int16, 5 x 4 x 3", i
+    assert voxels(name, "--variable inner/two") == data.tobytes()
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    g.create_array("other", shape=data.shape, chunks=data.shape, dtype="c16")
+    g.create_array("volume", shape=data.shape, chunks=data.shape, dtype="i2")[...] = data
+    assert voxels(name) == data.tobytes() and "variables" not in infos(name)[0].get("attributes", {})
+    assert "array 'other'" in subprocess.check_output(["vkt", "info", name], text=True)
+PY
 }
 
 @test "filters before compression, of both versions, as numcodecs undoes them" {
@@ -417,7 +444,7 @@ for version in (2, 3):
     assert voxels(name, "--variable inner/one") == voxels(name + ":/inner/one") == voxels(name + "/inner/one") == data.tobytes(), version
     assert infos(name, "--variable inner/one")[0]["units"] == "HU"
     assert (np.frombuffer(voxels(name, "--variable two"), "f4") == 2.5).all()
-    r = subprocess.run(["vkt", "info", name], capture_output=True, text=True)
+    r = subprocess.run(["vkt", "stats", name], capture_output=True, text=True)
     assert r.returncode == 2 and "inner, two" in r.stderr, r
 for bad in ("[]", "{", '{"metadata": 7}', '{"metadata": {"one/.zarray": 7}}', '{"metadata": {"one/.zarray": {"shape": [1]}}}'):
     os.makedirs("bad", exist_ok=True); os.makedirs("bad/one", exist_ok=True); open("bad/.zmetadata", "w").write(bad)
@@ -552,5 +579,5 @@ image.attrs["multiscales"] = [{"version": "0.4", "axes": [{"name": n, "type": "s
 g.create_group("OME").attrs["series"] = ["0"]
 assert voxels("b.zarr") == data.tobytes() and infos("b.zarr")[0]["spacing"] == [2, 2, 3]
 END
-    fails_with 2 'holds several arrays: flat, v' vkt info x2.zarr
+    fails_with 2 'holds several arrays: flat, v' vkt read x2.zarr -o x.raw
 }
