@@ -183,10 +183,21 @@ for sum in V3.CRC32(), V3.Adler32(), V3.CRC32C(), V3.Fletcher32(), V3.CRC32(loca
     chunk[20] ^= 1
     open(f"f{n - 2}.zarr/c/0/0/0", "wb").write(chunk)
     assert subprocess.run(["vkt", "stats", f"f{n - 2}.zarr"], capture_output=True).returncode == 3
+# Compression among the filters, several kinds in a row, and checksums and filters in the place of compression.
+for codec in N.Zstd(1), N.Zlib(1), N.GZip(1), N.Blosc("lz4"), N.LZ4(), N.BZ2(), N.LZMA():
+    check(data.astype("i2"), filters=[codec], compressors=None)
+    check(data.astype("i2"), filters=[N.Delta("<i2"), N.Shuffle(2), codec], compressors=N.Zlib(1))
+    check(data.astype("i2"), filters=[N.Zlib(1), N.CRC32(), N.Adler32("end")], compressors=codec)
+for last in N.CRC32(), N.Adler32("end"), N.Fletcher32(), N.Shuffle(2): check(data.astype("i2"), compressors=last)
+check(data.astype("i2"), 3, compressors=[V3.Zstd(), V3.Zlib(level=1), V3.CRC32()])
+for compressor in None, N.Zlib(1), N.Blosc("zstd"):
+    check(data > 0, filters=[N.PackBits()], compressors=compressor)
+    check(data > 0, filters=[N.PackBits(), N.CRC32()], compressors=compressor, order="F")
 def refused(name, filters):
     by_hand(name, data.astype("<i2"), (4, 6, 5), {"filters": filters})
 refused("objects", [{"id": "vlen-utf8"}]); refused("zero", [{"id": "fixedscaleoffset", "scale": 0, "offset": 1, "dtype": "<i2"}])
 refused("others", [{"id": "delta", "dtype": "<f8"}]); refused("behind", [{"id": "shuffle", "elementsize": 2}, {"id": "delta", "dtype": "<i2"}])
+refused("bits", [{"id": "packbits"}])
 refused("summed", [{"id": "crc32"}, {"id": "delta", "dtype": "<i2"}])
 PY
     fails_with 3 "the filter 'vlen-utf8', which is not read" vkt info objects
@@ -194,6 +205,7 @@ PY
     fails_with 3 "filters of other types than its own" vkt info others
     fails_with 3 "behind one of bytes" vkt info behind
     fails_with 3 "the filter 'delta', which is not read" vkt info summed
+    fails_with 3 "bits of other elements than bool" vkt info bits
 }
 
 @test "OME-Zarr: axes, scales, translations, units, levels, of both versions" {
