@@ -748,6 +748,15 @@ assert codes.count(3) > 50 and len(codes) == 360, {c: codes.count(c) for c in co
 END
 }
 
+@test "folders of folders, and slices named one by one: the hint says what to name" {
+    /usr/bin/python3 - <<'END'
+from common import *
+slices("disc/patient/two words", numpy.zeros((3, 4, 5), "u2"), range(3))
+END
+    fails_with 4 "hint: DICOM files lie in a folder within: 'disc/patient/two words'" vkt info disc
+    fails_with 2 "hint: slices make one volume: name their folder, or order them with vkt stack" vkt convert 'disc/patient/two words/*' -o o.nrrd
+}
+
 @test "of a folder the headers are read and the pixels that are asked for" {
     [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need all of the address space and no tracer"
     command -v strace >/dev/null || skip "strace is not installed"
