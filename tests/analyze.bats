@@ -100,3 +100,11 @@ END
     fails_with 2 'cannot hold uint64' eval 'vkt make noise --dims 4 4 4 --dtype uint64 | vkt write u.hdr --format analyze'
     fails_with 4 'exists' vkt write int16.vkt int16.hdr --format analyze
 }
+
+@test "SPM's matrix beside a pair is not read, and info says so" {
+    vkt make noise --dims 5 4 3 --dtype int16 -o v.vkt
+    vkt set v.vkt --attribute 'space=right-anterior-superior' | vkt write - p.hdr --format analyze
+    run ! grep -q "p.mat" <(vkt info p.hdr)
+    printf 'MATLAB 5.0 MAT-file' >p.mat
+    vkt info p.hdr | grep "the place and direction in SPM's 'p.mat'"
+}

@@ -747,3 +747,39 @@ with ThreadPoolExecutor(2) as pool: codes = list(pool.map(trial, [(name, i) for 
 assert codes.count(3) > 50 and len(codes) == 360, {c: codes.count(c) for c in codes}
 END
 }
+
+@test "folders of folders, and slices named one by one: the hint says what to name" {
+    /usr/bin/python3 - <<'END'
+from common import *
+slices("disc/patient/two words", numpy.zeros((3, 4, 5), "u2"), range(3))
+END
+    fails_with 4 "hint: DICOM files lie in a folder within: 'disc/patient/two words'" vkt info disc
+    fails_with 2 "hint: slices make one volume: name their folder, or order them with vkt stack" vkt convert 'disc/patient/two words/*' -o o.nrrd
+}
+
+@test "of a folder the headers are read and the pixels that are asked for" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need all of the address space and no tracer"
+    command -v strace >/dev/null || skip "strace is not installed"
+    /usr/bin/python3 - <<'END'
+from common import *
+import re
+data = numpy.random.default_rng(3).integers(0, 4096, (96, 256, 256)).astype("u2")
+slices("many", data, range(96))
+def bytes_read(*command):
+    subprocess.run(["strace", "-f", "-y", "-qq", "-e", "trace=read,pread64,preadv,readv", "-o", "trace", *command], check=True,
+                   stdout=subprocess.DEVNULL)
+    return sum(int(n) for n in re.findall(r"/many/.* = (\d+)$", open("trace").read(), re.M))
+headers = 96 * 8192 + 65536
+assert 0 < bytes_read("vkt", "info", "many") <= headers
+got = bytes_read("vkt", "read", "many", "--roi", ":,:,50", "-o", "part.raw")
+assert open("part.raw", "rb").read() == data[50].tobytes() and got <= headers + data[50].nbytes, got
+# Elements beyond the beginning: large ones among those of the header, and pixels behind them.
+for k in range(3):
+    d = pydicom.dcmread(f"many/{k}")
+    d.add_new((0x0009, 0x0010), "LO", "VKT TEST")
+    d.add_new((0x0009, 0x1001), "OB", bytes(range(250)) * 400)
+    d.add_new((0x0009, 0x1002), "UN", b"ab" * 5000)
+    d.save_as(f"many/{k}")
+assert (voxels("many").reshape(data.shape) == data).all()
+END
+}

@@ -502,3 +502,40 @@ with h5py.File("f.h5", "w") as f: f.create_dataset("a", data=values, chunks=(4, 
 END
     fails_with 3 "compressed by filter 32026 (blosc2), which is not read" vkt info f.h5
 }
+
+@test "a region of a large file reads its chunks and little besides, wherever the root group has its names" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need all of the address space and no tracer"
+    command -v strace >/dev/null || skip "strace is not installed"
+    /usr/bin/python3 - <<'END'
+from common import *
+import re
+data = numpy.arange(256**3, dtype="u4").astype("u2").reshape(256, 256, 256)
+def bytes_read(name, *command):
+    subprocess.run(["strace", "-f", "-y", "-qq", "-e", "trace=read,pread64,preadv", "-o", "trace", *command], check=True,
+                   stdout=subprocess.DEVNULL)
+    return sum(int(n) for n in re.findall(rf"/{name}>.* = (\d+)$", open("trace").read(), re.M))
+for name, others, how in (("one.h5", 0, {}), ("many.h5", 30, {}), ("new.h5", 1, {"libver": "latest"}),
+                          ("dense.h5", 60, {"libver": "latest"}), ("block.h5", 1, {"userblock_size": 1024})):
+    with h5py.File(name, "w", **how) as f:
+        f.create_dataset("data", data=data, chunks=(64, 64, 64))
+        for i in range(others): f.create_group(f"another of them {i}")
+    assert 0 < bytes_read(name, "vkt", "info", name) < 300_000, (name, bytes_read(name, "vkt", "info", name))
+    got = bytes_read(name, "vkt", "read", name, "--roi", "64:128,64:128,128:192", "-o", "part.raw", "--force")
+    assert open("part.raw", "rb").read() == numpy.ascontiguousarray(data[128:192, 64:128, 64:128]).tobytes(), name
+    assert 2 * 64**3 <= got <= data.nbytes / 32, (name, got)
+END
+}
+
+@test "FLASH's files are told by the names in their root group, in every layout of it" {
+    /usr/bin/python3 - <<'END'
+from common import *
+for name, how, others in (("old.h5", {}, 0), ("more.h5", {}, 200), ("new.h5", {"libver": "latest"}, 0),
+                          ("dense.h5", {"libver": "latest"}, 200)):
+    with h5py.File(name, "w", **how) as f:
+        for i in range(others): f[f"variable {i}"] = numpy.zeros((4, 4, 4))
+        f["refine level"] = numpy.ones(1, "i4")
+    # They lack the rest, of which only the reader of FLASH speaks.
+    run = subprocess.run(["vkt", "info", name], capture_output=True, text=True)
+    assert run.returncode == 3 and "FLASH" in run.stderr, (name, run)
+END
+}

@@ -101,6 +101,28 @@ d = mrcfile.read('s.mrcs')
 assert d.shape == (3, 5, 6, 7) and d.tobytes() == subprocess.check_output('vkt stack v0.nrrd v1.nrrd v2.nrrd | vkt write - --format raw', shell=True)"
 }
 
+@test "a plain volume has no extended header, and is what mrcfile takes for valid" {
+    with_peer mrcfile
+    /usr/bin/python3 - <<'END'
+from common import *
+import mrcfile
+for type_ in ("int8", "int16", "uint16", "float16", "float32"):
+    run(f"vkt make sphere --dims 7 6 5 --dtype {type_} --no-history -o {type_}.vkt")
+    run(f"vkt set {type_}.vkt --spacing 0.5,1.5,2 --origin 4,5,6 --no-history -o {type_}.mrc")
+    run(f"vkt set {type_}.vkt --spacing 0.5,1.5,2 --origin 4,5,6 --no-history | vkt diff - {type_}.mrc")
+    assert len(open(f"{type_}.mrc", "rb").read()) == 1024 + 7 * 6 * 5 * np.dtype(type_).itemsize
+    with open("log", "w") as log: assert mrcfile.validate(f"{type_}.mrc", print_file=log), open("log").read()
+    assert "mrc label 1" not in info(f"{type_}.mrc").get("attributes", {})
+run("vkt stack int16.vkt int16.vkt --no-history -o s.mrcs")
+with open("log", "w") as log: assert mrcfile.validate("s.mrcs", print_file=log), open("log").read()
+# What would be lost still has its place.
+for change in ("--attribute note=kept", "--voxel-mapping 0 3", "--units HU"):
+    run(f"vkt set int16.vkt {change} --no-history -o k.mrc --force && vkt set int16.vkt {change} --no-history -o k.nrrd --force")
+    a, b = info("k.mrc"), info("k.nrrd")
+    assert all(a.get(k) == b.get(k) for k in ("attributes", "slope", "intercept", "units")), (change, a, b)
+END
+}
+
 @test "all that a header says comes back; compressed as a whole too" {
     vkt make noise --dims 7 6 5 --dtype int16 --seed 3 | vkt set --spacing 0.1,0.2,0.3 --origin -1,2,1e3 --voxel-mapping 0 3 --units HU --attribute 'space units="nm" "nm" "nm"' -o v.nrrd
     vkt write v.nrrd v.mrc

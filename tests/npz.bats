@@ -19,10 +19,31 @@ for save in (numpy.savez, numpy.savez_compressed):
     assert run("cat one.npz | vkt write - - --format raw") == a.tobytes()
     assert json.loads(run("vkt info two.npz:first --json"))["format"] == "npz"
 END
-    fails_with 2 'holds several arrays: first, second' vkt info two.npz
+    fails_with 2 'holds several arrays: first, second' vkt stats two.npz
+    fails_with 2 'holds several arrays: first, second' vkt read two.npz -o x.raw
     fails_with 2 "did you mean 'first'" vkt info two.npz:fist
     fails_with 2 'and --variable another one' vkt read two.npz:first --variable second
     fails_with 4 "cannot open 'absent.npz:a'" vkt info absent.npz:a
+}
+
+@test "info lists the arrays of an archive; what cannot be a volume is no choice" {
+    /usr/bin/python3 - <<'END'
+import json, numpy, subprocess
+a = numpy.arange(60, dtype="i2").reshape(3, 4, 5)
+info = lambda name: json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+for save in (numpy.savez, numpy.savez_compressed):
+    save("two.npz", first=a, second=numpy.zeros((2, 3, 4, 5)), words=numpy.array(["a"]), spacing=numpy.ones(3))
+    i = info("two.npz")
+    assert i["dims"] == [5, 4, 3] and i["attributes"]["variables"] == "first second", i
+    assert i["attributes"]["variable first"] == "int16, 5 x 4 x 3", i
+    assert i["attributes"]["variable second"] == "float64, 5 x 4 x 3 x 2", i
+    assert "array 'words'" in subprocess.check_output(["vkt", "info", "two.npz"], text=True)
+    save("one.npz", words=numpy.array(["a"]), spacing=numpy.ones(3), volume=a)
+    assert subprocess.check_output("vkt read one.npz | vkt write - --format raw", shell=True) == a.tobytes()
+    assert info("one.npz")["attributes"]["variable"] == "volume" and "variables" not in info("one.npz")["attributes"]
+    save("words.npz", a=numpy.array(["a"]), b=numpy.array(["b"]))
+    assert subprocess.run(["vkt", "info", "words.npz"], capture_output=True).returncode == 3
+END
 }
 
 @test "what vkt wrote is what NumPy loads: types, names, series, compressed" {

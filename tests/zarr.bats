@@ -100,8 +100,35 @@ check(g.create_array("one", shape=data.shape, chunks=(8, 8, 8), dtype="i2"), dat
 check(g.create_array("two", shape=data.shape, chunks=(8, 8, 8), dtype="i2"), data, "g.zarr", "--variable two")
 assert voxels("g.zarr:/one") == voxels("g.zarr/two") == data.tobytes()
 END
-    fails_with 2 'holds several arrays: one, two' vkt info g.zarr
+    fails_with 2 'holds several arrays: one, two' vkt stats g.zarr
+    vkt info g.zarr | grep 'variable one: int16, '
     fails_with 2 "did you mean 'two'" vkt read g.zarr --variable twe
+}
+
+@test "info lists the arrays of a group and of groups in it; what cannot be a volume is no choice" {
+    with_peer zarr
+    /usr/bin/python3 - <<'PY'
+from common import *
+import warnings, zarr
+warnings.simplefilter("ignore")
+data = np.arange(60, dtype="i2").reshape(3, 4, 5)
+for version in (2, 3):
+    name = f"g{version}.zarr"
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    g.create_array("b", shape=(2, 3, 4, 5), chunks=(1, 3, 4, 5), dtype="f8")
+    for path in ("inner/one", "inner/two"): g.create_array(path, shape=data.shape, chunks=data.shape, dtype="i2")[...] = data
+    i = json.loads(run(f"vkt info {name} --json"))
+    assert len(i) == 2 and i[0]["dims"] == [5, 4, 3], i
+    i = i[0]["attributes"]
+    assert i["variables"] == "b inner/one inner/two" and i["variable b"] == "float64, 5 x 4 x 3 x 2", i
+    assert i["variable inner/two"] == "int16, 5 x 4 x 3", i
+    assert voxels(name, "--variable inner/two") == data.tobytes()
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    g.create_array("other", shape=data.shape, chunks=data.shape, dtype="c16")
+    g.create_array("volume", shape=data.shape, chunks=data.shape, dtype="i2")[...] = data
+    assert voxels(name) == data.tobytes() and "variables" not in infos(name)[0].get("attributes", {})
+    assert "array 'other'" in subprocess.check_output(["vkt", "info", name], text=True)
+PY
 }
 
 @test "filters before compression, of both versions, as numcodecs undoes them" {
@@ -156,10 +183,21 @@ for sum in V3.CRC32(), V3.Adler32(), V3.CRC32C(), V3.Fletcher32(), V3.CRC32(loca
     chunk[20] ^= 1
     open(f"f{n - 2}.zarr/c/0/0/0", "wb").write(chunk)
     assert subprocess.run(["vkt", "stats", f"f{n - 2}.zarr"], capture_output=True).returncode == 3
+# Compression among the filters, several kinds in a row, and checksums and filters in the place of compression.
+for codec in N.Zstd(1), N.Zlib(1), N.GZip(1), N.Blosc("lz4"), N.LZ4(), N.BZ2(), N.LZMA():
+    check(data.astype("i2"), filters=[codec], compressors=None)
+    check(data.astype("i2"), filters=[N.Delta("<i2"), N.Shuffle(2), codec], compressors=N.Zlib(1))
+    check(data.astype("i2"), filters=[N.Zlib(1), N.CRC32(), N.Adler32("end")], compressors=codec)
+for last in N.CRC32(), N.Adler32("end"), N.Fletcher32(), N.Shuffle(2): check(data.astype("i2"), compressors=last)
+check(data.astype("i2"), 3, compressors=[V3.Zstd(), V3.Zlib(level=1), V3.CRC32()])
+for compressor in None, N.Zlib(1), N.Blosc("zstd"):
+    check(data > 0, filters=[N.PackBits()], compressors=compressor)
+    check(data > 0, filters=[N.PackBits(), N.CRC32()], compressors=compressor, order="F")
 def refused(name, filters):
     by_hand(name, data.astype("<i2"), (4, 6, 5), {"filters": filters})
 refused("objects", [{"id": "vlen-utf8"}]); refused("zero", [{"id": "fixedscaleoffset", "scale": 0, "offset": 1, "dtype": "<i2"}])
 refused("others", [{"id": "delta", "dtype": "<f8"}]); refused("behind", [{"id": "shuffle", "elementsize": 2}, {"id": "delta", "dtype": "<i2"}])
+refused("bits", [{"id": "packbits"}])
 refused("summed", [{"id": "crc32"}, {"id": "delta", "dtype": "<i2"}])
 PY
     fails_with 3 "the filter 'vlen-utf8', which is not read" vkt info objects
@@ -167,6 +205,7 @@ PY
     fails_with 3 "filters of other types than its own" vkt info others
     fails_with 3 "behind one of bytes" vkt info behind
     fails_with 3 "the filter 'delta', which is not read" vkt info summed
+    fails_with 3 "bits of other elements than bool" vkt info bits
 }
 
 @test "OME-Zarr: axes, scales, translations, units, levels, of both versions" {
@@ -429,7 +468,7 @@ for version in (2, 3):
     assert voxels(name, "--variable inner/one") == voxels(name + ":/inner/one") == voxels(name + "/inner/one") == data.tobytes(), version
     assert infos(name, "--variable inner/one")[0]["units"] == "HU"
     assert (np.frombuffer(voxels(name, "--variable two"), "f4") == 2.5).all()
-    r = subprocess.run(["vkt", "info", name], capture_output=True, text=True)
+    r = subprocess.run(["vkt", "stats", name], capture_output=True, text=True)
     assert r.returncode == 2 and "inner, two" in r.stderr, r
 for bad in ("[]", "{", '{"metadata": 7}', '{"metadata": {"one/.zarray": 7}}', '{"metadata": {"one/.zarray": {"shape": [1]}}}'):
     os.makedirs("bad", exist_ok=True); os.makedirs("bad/one", exist_ok=True); open("bad/.zmetadata", "w").write(bad)
@@ -564,7 +603,7 @@ image.attrs["multiscales"] = [{"version": "0.4", "axes": [{"name": n, "type": "s
 g.create_group("OME").attrs["series"] = ["0"]
 assert voxels("b.zarr") == data.tobytes() and infos("b.zarr")[0]["spacing"] == [2, 2, 3]
 END
-    fails_with 2 'holds several arrays: flat, v' vkt info x2.zarr
+    fails_with 2 'holds several arrays: flat, v' vkt read x2.zarr -o x.raw
 }
 
 @test "a series is one array with axes of times and channels, in bounded memory, of every layout" {

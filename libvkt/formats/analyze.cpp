@@ -6,6 +6,7 @@
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/choices.h"
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nifti_header.h"
@@ -16,6 +17,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <utility>
 
 namespace vkt {
@@ -109,7 +111,13 @@ void place(Header& header, Fields const& f) {
 
 std::unique_ptr<Source> open_analyze(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     RawLayout layout = read_analyze(*bytes, options.trust_paths);
-    return raw_source(std::move(bytes), std::move(layout));
+    // What SPM keeps beside a pair places it anew.
+    std::filesystem::path const matrix = std::filesystem::path(bytes->name()).replace_extension(".mat");
+    std::error_code error;
+    std::vector<std::string> others;
+    if (std::filesystem::is_regular_file(matrix, error))
+        others.push_back(text("the place and direction in SPM's '", matrix.filename().string(), "'"));
+    return beside_others(raw_source(std::move(bytes), std::move(layout)), std::move(others));
 }
 
 std::string analyze_type_name(DataType type) {

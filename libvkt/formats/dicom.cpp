@@ -7,10 +7,12 @@
 #include "libvkt/formats/dicom_module.h"
 #include "libvkt/formats/parsed_grids.h"
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <vector>
 
 namespace vkt {
 namespace {
@@ -68,6 +70,22 @@ bool is_dicom_folder(std::string const& path) {
         if (begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return true;
     }
     return false;
+}
+
+std::string dicom_folder_within(std::string const& path) {
+    namespace fs = std::filesystem;
+    constexpr int deepest = 4;
+    int left = 300;
+    std::error_code error;
+    std::vector<std::string> found;
+    for (fs::recursive_directory_iterator entry(path, error), end; !error && entry != end && left > 0;
+         entry.increment(error)) {
+        if (!entry->is_directory(error)) continue;
+        --left;
+        if (entry.depth() >= deepest) entry.disable_recursion_pending();
+        if (is_dicom_folder(entry->path())) found.push_back(entry->path());
+    }
+    return found.empty() ? "" : *std::min_element(found.begin(), found.end());
 }
 
 Format dicom_format() {

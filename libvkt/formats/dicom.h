@@ -18,4 +18,8 @@ bool begins_as_dicom(std::span<std::byte const> head);
 /// True if some file of the folder begins as DICOM files do. Reads dicom_head_bytes of each until then.
 bool is_dicom_folder(std::string const& path);
 
+/// The first folder within, as discs have them by patient and series, that holds DICOM files; empty if there is none
+/// among the first few hundred.
+std::string dicom_folder_within(std::string const& path);
+
 } // namespace vkt

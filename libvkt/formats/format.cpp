@@ -134,10 +134,12 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         if (is_amrex(bytes.name())) return by_format_name("amrex");
         if (zarr::is_zarr(file_part(bytes.name()).file)) return by_format_name("zarr");
         if (is_dicom_folder(bytes.name())) return by_format_name("dicom");
+        std::string const within = dicom_folder_within(bytes.name());
         throw Error(ErrorKind::io,
                     text("cannot read '", bytes.name(),
                          "': it is a directory, and holds neither DICOM files nor slices (.png .tif .tiff)"),
-                    text("name a file in it, or several: '", bytes.name(), "/*.tif'"));
+                    within.empty() ? text("name a file in it, or several: '", bytes.name(), "/*.tif'")
+                                   : text("DICOM files lie in a folder within: ", shell_quoted(within)));
     }
     if (bytes.directory() && options.format != "amrex" && options.format != "dicom" && options.format != "zarr")
         throw Error(ErrorKind::io, text("cannot read '", bytes.name(), "': it is a directory"), "name a file in it");

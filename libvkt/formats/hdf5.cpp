@@ -7,10 +7,9 @@
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/foreign.h"
+#include "libvkt/formats/hdf5_root.h"
 #include "libvkt/formats/parsed_grids.h"
 
-#include <algorithm>
-#include <array>
 #include <cstring>
 
 namespace vkt {
@@ -55,21 +54,7 @@ std::string dataset_in_name(std::string const& name) {
 
 bool is_flash(ByteSource const& bytes) {
     if (!dataset_in_name(bytes.name()).empty() || !bytes.seekable()) return bytes.seekable() ? false : true;
-    // Names of a FLASH file's datasets lie in the heap of its root group, near one of its ends.
-    constexpr std::int64_t range = std::int64_t{4} << 20, block = std::int64_t{256} << 10;
-    std::string_view const name = "refine level";
-    auto const overlap = std::ssize(name) - 1;
-    std::vector<char> part(static_cast<std::size_t>(block + overlap));
-    auto const found_in = [&](std::int64_t from, std::int64_t end) {
-        for (; from < end; from += block) { // blocks that stay in the cache
-            auto const n = static_cast<std::size_t>(std::min(block + overlap, bytes.size() - from));
-            bytes.read_at(from, part.data(), n);
-            if (::memmem(part.data(), n, name.data(), name.size()) != nullptr) return true;
-        }
-        return false;
-    };
-    std::int64_t const first = std::min(range, bytes.size()), last = std::max(first, bytes.size() - range);
-    return found_in(0, first) || found_in(last, bytes.size());
+    return root_group_names(bytes, "refine level");
 }
 
 Format hdf5_format() {

@@ -11,7 +11,7 @@ namespace vkt {
 /// What stands behind the colon of FILE:/GROUP/DATASET, "/GROUP/DATASET"; empty for other names.
 std::string dataset_in_name(std::string const& name);
 
-/// Whether an HDF5 file is one of FLASH, as far as its first and last 4 MiB tell; pipes are taken for one.
+/// Whether an HDF5 file is one of FLASH, by a name in its root group; pipes are taken for one.
 bool is_flash(ByteSource const& bytes);
 
 } // namespace vkt

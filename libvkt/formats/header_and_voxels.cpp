@@ -76,10 +76,13 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
         throw Error(ErrorKind::usage, text(format_.name, " cannot hold ", header.dtype),
                     "convert first: vkt convert --dtype float32");
     if (volumes_ == 0) return;
-    if (!same_lattice(first_, header))
+    if (!same_lattice(first_, header)) {
+        bool const slices = first_.dims == header.dims && first_.dims.z == 1 && first_.dtype == header.dtype;
         throw Error(ErrorKind::usage,
                     text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
-                    "write one file each: " + each);
+                    slices ? "slices make one volume: name their folder, or order them with vkt stack"
+                           : "write one file each: " + each);
+    }
     std::optional<double> const at = position_of(header), first = position_of(first_);
     if (at && first && !other_channel(header, first_)) {
         auto const step = number_of(first_, "sequence step");

@@ -28,6 +28,7 @@ constexpr std::size_t most_history = std::size_t{256} << 10;
 /// What a series found out about later needs in that header.
 constexpr std::size_t growth = 256;
 constexpr std::int64_t volume_stack = 401; ///< of space groups
+constexpr std::string_view own_label = "written by vkt";
 
 struct Mode {
     std::int64_t code;
@@ -197,7 +198,8 @@ RawLayout read_mrc_header(ByteSource& bytes) {
     for (std::size_t i = 0; i < static_cast<std::size_t>(labels); ++i) {
         auto const* const begin = reinterpret_cast<char const*>(head.data()) + labels_at + i * label_length;
         std::string const label(trimmed(std::string_view(begin, ::strnlen(begin, label_length))));
-        if (!label.empty()) layout.header.attributes[text("mrc label ", static_cast<std::int64_t>(i + 1))] = label;
+        if (!label.empty() && label != own_label)
+            layout.header.attributes[text("mrc label ", static_cast<std::int64_t>(i + 1))] = label;
     }
     std::int64_t const extended = w->integer(24);
     if (extended < 0 || extended > most_extended)
@@ -303,11 +305,10 @@ std::string bytes_of(Header const& header, std::int64_t volumes) {
     // Nobody has looked at the voxels: what the description has for statistics that are not known.
     real(20, 0), real(21, -1), real(22, -2), real(55, -1);
     integer(23, volumes > 1 ? volume_stack : header.dims.z > 1 ? 1 : 0);
-    std::copy(ours.begin(), ours.end(), bytes.begin() + 104);
     integer(28, 20141);
     std::copy_n("MAP ", 4, bytes.begin() + 208);
     bits(54, 0x4444);
-    std::vector<std::string> labels{"written by vkt"};
+    std::vector<std::string> labels{std::string(own_label)};
     if (!order) labels.emplace_back("axes are turned: the directions stand in the extended header alone");
     if (header.values != ValueMap{})
         labels.push_back(text("values are ", header.values.slope, " * voxel + ", header.values.intercept));
@@ -325,11 +326,31 @@ std::string bytes_of(Header const& header, std::int64_t volumes) {
     return bytes;
 }
 
+/// Whether these bytes say all of the header, but for the last digits of its places. Programs that check files find
+/// fault with extended headers of types that they do not know.
+bool say_all(std::string const& bytes, Header const& header) {
+    std::size_t at = 0;
+    ByteSource source("MRC", [&](std::byte* to, std::size_t n) {
+        std::size_t const got = std::min(n, bytes.size() - at);
+        std::memcpy(to, bytes.data() + at, got);
+        at += got;
+        return got;
+    });
+    Header said = read_mrc_header(source).header;
+    if (!same_geometry(said.geometry, header.geometry)) return false;
+    said.geometry = header.geometry;
+    if (!header.attributes.contains("space units")) said.attributes.erase("space units");
+    mark_as_given(said); // as all files that say nothing of it
+    return to_json(said) == to_json(header);
+}
+
 std::string mrc_bytes(HeaderText const& h) {
     std::string bytes = bytes_of(h.first, h.volumes);
     Header kept = h.first;
     kept.timing = kept.dry_run = false;
     if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
+    if (h.length == size || (h.length == 0 && say_all(bytes, kept))) return bytes;
+    std::copy(ours.begin(), ours.end(), bytes.begin() + 104);
     std::string json = to_json(kept);
     std::size_t const length = h.length > 0 ? h.length - size : (json.size() + growth) / 16 * 16;
     if (json.size() >= length) json.clear(); // has grown beyond its place

@@ -4,6 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/choices.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/numpy.h"
 #include "libvkt/formats/parsed_grids.h"
@@ -12,7 +13,9 @@
 #include "libvkt/formats/zip_archive.h"
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include <zlib.h>
@@ -24,13 +27,8 @@ using namespace zip;
 
 constexpr std::string_view suffix = ".npy";
 
-ZipMember const& chosen(std::vector<ZipMember> const& arrays, std::string const& variable, std::string const& file) {
-    if (arrays.empty()) throw Error(ErrorKind::data, text("'", file, "' holds no array"));
+ZipMember const& named(std::vector<ZipMember> const& arrays, std::string const& variable, std::string const& file) {
     auto const names = collect(arrays, [](ZipMember const& m) { return m.name; });
-    if (variable.empty() && arrays.size() > 1)
-        throw Error(ErrorKind::usage, text("'", file, "' holds several arrays: ", join(names, ", ")),
-                    text("name one: ", file, ":", names.front()));
-    if (variable.empty()) return arrays.front();
     auto const found = std::find(names.begin(), names.end(), variable);
     if (found != names.end()) return arrays[static_cast<std::size_t>(found - names.begin())];
     std::string const near = nearest_name(variable, names);
@@ -49,32 +47,89 @@ std::vector<ZipMember> arrays_of(ByteSource const& bytes) {
     return arrays;
 }
 
-std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    bytes = seekable_bytes(std::move(bytes));
-    FilePart const part = file_part(bytes->name());
-    if (!part.part.empty() && !options.variable.empty())
-        throw Error(ErrorKind::usage, text("'", bytes->name(), "' names an array, and --variable another one"));
-    ZipMember const member = chosen(arrays_of(*bytes), part.part.empty() ? options.variable : part.part, part.file);
+/// What was deflated, in order. `bytes` outlives it.
+std::unique_ptr<ByteSource> inflated_bytes(std::shared_ptr<ByteSource const> bytes, ZipMember const& member) {
+    std::string const name = bytes->name();
     std::int64_t const at = zip_begin(*bytes, member);
-    if (member.method == deflated) {
-        std::string const name = bytes->name();
-        auto const inflated =
-            std::make_shared<Inflated>(std::shared_ptr<ByteSource const>(std::move(bytes)), at, member);
-        bytes = std::make_unique<ByteSource>(
-            name, [inflated](std::byte* to, std::size_t n) { return inflated->read(to, n); });
-    } else {
+    auto const inflated = std::make_shared<Inflated>(std::move(bytes), at, member);
+    return std::make_unique<ByteSource>(name,
+                                        [inflated](std::byte* to, std::size_t n) { return inflated->read(to, n); });
+}
+
+/// The header of an array alone.
+RawLayout layout_of(ByteSource& bytes, ZipMember const& member) {
+    if (member.method == deflated) return read_numpy_header(*inflated_bytes({std::shared_ptr<void>(), &bytes}, member));
+    bytes.seek(zip_begin(bytes, member));
+    return read_numpy_header(bytes);
+}
+
+std::unique_ptr<Source> open_array(std::unique_ptr<ByteSource> bytes, ZipMember const& member,
+                                   std::string const& file) {
+    std::int64_t const at = zip_begin(*bytes, member);
+    if (member.method == deflated)
+        bytes = inflated_bytes(std::move(bytes), member);
+    else
         bytes->seek(at);
-    }
     RawLayout layout = read_numpy_header(*bytes);
     layout.header.attributes["variable"] = member.name;
     std::int64_t const header = bytes->position() - (member.method == stored ? at : 0);
     check(layout.header);
     // Each factor is below 2^62; their product need not be.
     auto const room = static_cast<std::int64_t>(std::min<std::uint64_t>(member.bytes, std::uint64_t{1} << 62)) - header;
-    if (layout.volumes > room / static_cast<std::int64_t>(layout.header.bytes()))
-        throw Error(ErrorKind::data, text("'", part.file, "': the array '", member.name, "' ended early: ", room,
+    if (layout.volumes > room / layout.components.count / static_cast<std::int64_t>(layout.header.bytes()))
+        throw Error(ErrorKind::data, text("'", file, "': the array '", member.name, "' ended early: ", room,
                                           " bytes cannot hold its voxels"));
     return raw_source(std::move(bytes), std::move(layout));
+}
+
+/// Of several arrays without a name: the only one that can be a volume. Lists of numbers count only where there is
+/// nothing else.
+std::unique_ptr<Source> open_without_name(std::unique_ptr<ByteSource> bytes, std::vector<ZipMember> const& arrays,
+                                          std::string const& file) {
+    struct Readable {
+        ZipMember const* member;
+        std::string about;
+        bool image;
+    };
+    std::vector<Readable> all;
+    Choices choices;
+    std::optional<Error> first;
+    for (ZipMember const& member : arrays) try {
+            RawLayout const layout = layout_of(*bytes, member);
+            Index3 const dims = layout.header.dims;
+            std::vector<std::int64_t> extents{dims.x, dims.y, dims.z};
+            if (layout.volumes > 1) extents.push_back(layout.volumes);
+            bool const image = std::count_if(extents.begin(), extents.end(), [](std::int64_t n) { return n > 1; }) > 1;
+            all.push_back({&member, about_array(layout.header.dtype, extents), image});
+        } catch (Error const& error) {
+            if (!first) first = error;
+            choices.not_read.push_back(text("array '", member.name, "'"));
+        }
+    if (all.empty()) throw *first;
+    if (std::any_of(all.begin(), all.end(), [](Readable const& r) { return r.image; }))
+        std::erase_if(all, [](Readable const& r) { return !r.image; });
+    std::unique_ptr<Source> source = open_array(std::move(bytes), *all.front().member, file);
+    if (all.size() == 1) return beside_others(std::move(source), std::move(choices.not_read));
+    std::vector<std::string> names;
+    for (Readable const& r : all) {
+        names.push_back(r.member->name);
+        choices.names.emplace_back(r.member->name, r.about);
+    }
+    return unchosen(std::move(source), std::move(choices),
+                    Error(ErrorKind::usage, text("'", file, "' holds several arrays: ", join(names, ", ")),
+                          text("name one: ", file, ":", names.front())));
+}
+
+std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    bytes = seekable_bytes(std::move(bytes));
+    FilePart const part = file_part(bytes->name());
+    if (!part.part.empty() && !options.variable.empty())
+        throw Error(ErrorKind::usage, text("'", bytes->name(), "' names an array, and --variable another one"));
+    std::vector<ZipMember> const arrays = arrays_of(*bytes);
+    if (arrays.empty()) throw Error(ErrorKind::data, text("'", part.file, "' holds no array"));
+    std::string const wanted = part.part.empty() ? options.variable : part.part;
+    if (wanted.empty() && arrays.size() > 1) return open_without_name(std::move(bytes), arrays, part.file);
+    return open_array(std::move(bytes), wanted.empty() ? arrays.front() : named(arrays, wanted, part.file), part.file);
 }
 
 /// One array, as numpy.savez writes it: sizes in 64 bits. With force and a name, others that are there stay.

@@ -24,64 +24,67 @@ namespace {
 
 using Bytes = std::span<std::byte const>;
 using Room = std::span<std::byte>;
-using Unpack = bool (*)(Bytes, Room); ///< null in builds without the library
+using Size = std::optional<std::size_t>;
+using Unpack = Size (*)(Bytes, Room); ///< null in builds without the library
 
-bool inflated(Bytes from, Room to) {
+Size inflated(Bytes from, Room to) {
     z_stream state{};
-    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX || inflateInit2(&state, 15 + 32) != Z_OK) return false;
+    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX || inflateInit2(&state, 15 + 32) != Z_OK) return {};
     state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(from.data()));
     state.avail_in = static_cast<uInt>(from.size());
     state.next_out = reinterpret_cast<Bytef*>(to.data());
     state.avail_out = static_cast<uInt>(to.size());
-    bool const whole = inflate(&state, Z_FINISH) == Z_STREAM_END && state.avail_out == 0;
+    bool const whole = inflate(&state, Z_FINISH) == Z_STREAM_END;
     inflateEnd(&state);
-    return whole;
+    return whole ? Size(to.size() - state.avail_out) : std::nullopt;
 }
 
 #ifdef VKT_HAVE_ZSTD
-bool zstd_unpacked(Bytes from, Room to) {
-    return ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) == to.size();
+Size zstd_unpacked(Bytes from, Room to) {
+    std::size_t const size = ZSTD_decompress(to.data(), to.size(), from.data(), from.size());
+    return ZSTD_isError(size) != 0 ? std::nullopt : Size(size);
 }
 #else
 constexpr Unpack zstd_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_LZ4
-bool lz4_unpacked(Bytes from, Room to) {
-    if (from.size() > INT32_MAX || to.size() > LZ4_MAX_INPUT_SIZE) return false;
-    auto const size = static_cast<int>(to.size());
-    return LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()), reinterpret_cast<char*>(to.data()),
-                               static_cast<int>(from.size()), size) == size;
+Size lz4_unpacked(Bytes from, Room to) {
+    if (from.size() > INT32_MAX || to.size() > LZ4_MAX_INPUT_SIZE) return {};
+    int const size = LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()), reinterpret_cast<char*>(to.data()),
+                                         static_cast<int>(from.size()), static_cast<int>(to.size()));
+    return size < 0 ? std::nullopt : Size(static_cast<std::size_t>(size));
 }
 #else
 constexpr Unpack lz4_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_BZIP2
-bool bzip2_unpacked(Bytes from, Room to) {
-    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX) return false;
+Size bzip2_unpacked(Bytes from, Room to) {
+    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX) return {};
     auto size = static_cast<unsigned>(to.size());
     auto* const in = reinterpret_cast<char*>(const_cast<std::byte*>(from.data()));
-    return BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(to.data()), &size, in, static_cast<unsigned>(from.size()),
-                                      0, 0) == BZ_OK &&
-           size == to.size();
+    bool const whole = BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(to.data()), &size, in,
+                                                  static_cast<unsigned>(from.size()), 0, 0) == BZ_OK;
+    return whole ? Size(size) : std::nullopt;
 }
 #else
 constexpr Unpack bzip2_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_LZMA
-bool lzma_unpacked(Bytes from, Room to) {
+Size lzma_unpacked(Bytes from, Room to) {
     constexpr std::uint64_t memory = std::uint64_t{1} << 30;
     lzma_stream state = LZMA_STREAM_INIT;
-    if (lzma_auto_decoder(&state, memory, 0) != LZMA_OK) return false;
+    if (lzma_auto_decoder(&state, memory, 0) != LZMA_OK) return {};
     state.next_in = reinterpret_cast<std::uint8_t const*>(from.data());
     state.avail_in = from.size();
     state.next_out = reinterpret_cast<std::uint8_t*>(to.data());
     state.avail_out = to.size();
-    bool const whole = lzma_code(&state, LZMA_FINISH) == LZMA_STREAM_END && state.avail_out == 0;
+    bool const whole = lzma_code(&state, LZMA_FINISH) == LZMA_STREAM_END;
+    std::size_t const size = to.size() - state.avail_out;
     lzma_end(&state);
-    return whole;
+    return whole ? Size(size) : std::nullopt;
 }
 #else
 constexpr Unpack lzma_unpacked = nullptr;
@@ -122,8 +125,12 @@ void require(Packing packing, std::string const& file) {
 }
 
 bool unpack(Packing packing, std::span<std::byte const> from, std::span<std::byte> to) {
+    return unpack_some(packing, from, to) == to.size();
+}
+
+std::optional<std::size_t> unpack_some(Packing packing, std::span<std::byte const> from, std::span<std::byte> to) {
     Library const library = library_of(packing);
-    return library.unpacked != nullptr && library.unpacked(from, to);
+    return library.unpacked != nullptr ? library.unpacked(from, to) : std::nullopt;
 }
 
 } // namespace vkt

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -18,5 +19,7 @@ bool can_unpack(Packing packing);
 void require(Packing packing, std::string const& file);
 /// False for what is damaged, becomes more or less than there is room for, or needs a library that this build lacks.
 bool unpack(Packing packing, std::span<std::byte const> from, std::span<std::byte> to);
+/// How many bytes they become, at most as many as there is room for; none where unpack() is false. Of lz4 too.
+std::optional<std::size_t> unpack_some(Packing packing, std::span<std::byte const> from, std::span<std::byte> to);
 
 } // namespace vkt

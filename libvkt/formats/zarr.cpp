@@ -1,5 +1,6 @@
 // Zarr arrays and OME-Zarr images as volumes: what the dimensions of an array mean, regions chunk by chunk.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/first_failure.h"
@@ -475,7 +476,13 @@ std::unique_ptr<Source> open_zarr(std::unique_ptr<ByteSource> bytes, ReadOptions
         throw Error(ErrorKind::data,
                     text("'", file, "' is no Zarr store: it holds neither zarr.json nor .zarray nor .zgroup"));
     Found found = zarr::find_array(*store, file, folder, inside.empty() ? options.variable : inside);
-    return std::make_unique<ZarrSource>(std::move(store), std::move(found), name, options);
+    Choices choices = std::move(found.choices);
+    auto source = std::make_unique<ZarrSource>(std::move(store), std::move(found), name, options);
+    if (choices.names.empty()) return beside_others(std::move(source), std::move(choices.not_read));
+    auto const names = collect(choices.names, [](auto const& choice) { return choice.first; });
+    return unchosen(std::move(source), std::move(choices),
+                    Error(ErrorKind::usage, text("'", file, "' holds several arrays: ", join(names, ", ")),
+                          text("name one: --variable ", names.front())));
 }
 
 /// The first member's name tells stores from other ZIP files.

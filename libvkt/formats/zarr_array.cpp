@@ -215,10 +215,8 @@ void Metadata::read_v2(Json const& json) {
                      "in Python: store it again without filters");
     if (Json const* const compressor = maybe(json, "compressor")) {
         std::string const id = words(member(*compressor, "id"), "the compressor's id");
-        auto const codec = codec_named(id);
-        if (!codec)
+        if (!read_filter(id, *compressor)) // filters may stand there too
             fail(text("compressed by '", id.substr(0, 40), "'; zlib, gzip, zstd, blosc, lz4, bz2 and lzma are read"));
-        array_.codecs.push_back(*codec);
     }
     if (Json const* const fill = maybe(json, "fill_value")) read_fill(*fill);
 }
@@ -250,7 +248,21 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
         array_.codecs.push_back(*sum);
         return true;
     }
-    if (!array_.codecs.empty()) return false; // behind a checksum
+    if (auto const codec = codec_named(name)) {
+        array_.codecs.push_back(*codec);
+        return true;
+    }
+    if (!array_.codecs.empty()) return false; // behind what made bytes of numbers
+    DataType const before = array_.filters.empty() ? array_.dtype : array_.filters.back().to;
+    if (!array_.filters.empty() && array_.filters.back().kind == Filter::Kind::bits) return false;
+    if (name == "packbits") {
+        if (size_of(before) != 1 ||
+            (!array_.filters.empty() && array_.filters.back().kind == Filter::Kind::bytes_apart))
+            fail("bits of other elements than bool");
+        filter.kind = Filter::Kind::bits;
+        array_.filters.push_back(filter);
+        return true;
+    }
     if (name == "shuffle") {
         Json const* const element = maybe(configuration, "elementsize");
         std::uint64_t const size = element != nullptr && element->is_number_unsigned() ? element->get<std::uint64_t>()
@@ -267,7 +279,6 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
     if (!array_.filters.empty() && array_.filters.back().kind == Filter::Kind::bytes_apart)
         fail("a filter of numbers behind one of bytes, which is not read");
     if (name == "bitround") return true; // what was rounded stays so
-    DataType const before = array_.filters.empty() ? array_.dtype : array_.filters.back().to;
     filter.from = filter_type(configuration, name == "astype" ? "decode_dtype" : "dtype", before);
     filter.to = filter_type(configuration, name == "astype" ? "encode_dtype" : "astype", filter.from);
     if (name == "delta") {
@@ -329,7 +340,6 @@ void Metadata::read_shard(Json const& configuration) {
 void Metadata::read_codecs(Json const& list, bool inside_shard) {
     if (!list.is_array()) fail("its codecs are no list");
     bool bytes = false;
-    int compressors = 0;
     for (auto const& codec : list) {
         std::string const name = codec.is_string() ? codec.get<std::string>() : words(member(codec, "name"), "a codec");
         Json const* const found = maybe(codec, "configuration");
@@ -350,7 +360,7 @@ void Metadata::read_codecs(Json const& list, bool inside_shard) {
         } else if (bytes && name == "crc32c") {
             array_.codecs.push_back(Codec::crc32c);
         } else if (auto const known = codec_named(name.starts_with("numcodecs.") ? name.substr(10) : name);
-                   bytes && known && (name.starts_with("numcodecs.") || standard(*known)) && ++compressors == 1) {
+                   bytes && known && (name.starts_with("numcodecs.") || standard(*known))) {
             array_.codecs.push_back(*known);
         } else {
             fail(text("encoded by '", name.substr(0, 40),
@@ -519,6 +529,9 @@ std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(StoredFile co
     return indices_[key] = index;
 }
 
+/// What compression can make of a chunk at worst.
+std::size_t Chunks::most_encoded() const { return 2 * std::max(array_.inner_bytes(), array_.filtered_bytes()) + 4096; }
+
 /// Where the bytes of a chunk lie; no file if there is none.
 Chunks::Place Chunks::place(Position const& at) const {
     Position of_file = at;
@@ -545,8 +558,7 @@ Chunks::Place Chunks::place(Position const& at) const {
             throw Error(ErrorKind::data,
                         text("'", store_->shown(place.key), "': damaged: a chunk lies outside of its shard"));
     }
-    // What compression can make of a chunk at worst.
-    if (place.size > 2 * std::max(array_.inner_bytes(), array_.filtered_bytes()) + 4096)
+    if (place.size > most_encoded())
         throw Error(ErrorKind::data, text("'", store_->shown(place.key), "': damaged: ",
                                           static_cast<std::int64_t>(place.size), " bytes are too many for a chunk"));
     return place;
@@ -574,6 +586,12 @@ bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scra
         for (std::size_t i = codecs.size(); i-- > 0;) {
             auto const checksums_before = static_cast<std::size_t>(
                 std::count_if(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), is_checksum));
+            if (checksums_before < i && !is_checksum(codecs[i])) { // what was compressed before is compressed again
+                std::span<std::byte> const target = room(*other, most_encoded());
+                bytes = target.first(decode_some(codecs[i], bytes, target, file));
+                std::swap(held, other);
+                continue;
+            }
             std::size_t size = to.size() + 4 * checksums_before;
             if (is_checksum(codecs[i])) size = std::max<std::size_t>(bytes.size(), 4) - 4;
             std::span<std::byte> const target = i > 0 || size != to.size() ? room(*other, size) : to;

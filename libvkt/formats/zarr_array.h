@@ -48,6 +48,8 @@ Codec best_codec();
 
 /// Exactly `to.size()` bytes. Throws Error{data} naming `file` for anything else.
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
+/// The same where nobody says how many bytes they are, at most `to.size()`: their number.
+std::size_t decode_some(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
 /// Throws Error{failure}. Not for lz4, bzip2 and lzma.
 std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element);
 
@@ -108,6 +110,7 @@ private:
         std::string key;
         std::uint64_t begin, size;
     };
+    std::size_t most_encoded() const;
     Place place(Position const& at) const;
     std::shared_ptr<std::vector<std::uint64_t> const> index_of(StoredFile const& opened, std::string const& key) const;
 

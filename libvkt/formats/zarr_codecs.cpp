@@ -144,6 +144,22 @@ Codec best_codec() {
 #endif
 }
 
+std::size_t decode_some(Codec codec, std::span<std::byte const> from, std::span<std::byte> to,
+                        std::string const& file) {
+    std::optional<std::size_t> size;
+    if (codec == Codec::blosc || codec == Codec::lz4) { // they say it
+        std::uint32_t said = 0;
+        std::size_t const at = codec == Codec::blosc ? 4 : 0;
+        if (from.size() >= at + sizeof said) std::memcpy(&said, from.data() + at, sizeof said);
+        if (said <= to.size() && decoded(codec, from, to.first(said), file)) size = said;
+    } else if (auto const packing = packing_of(codec)) {
+        vkt::require(*packing, file);
+        size = unpack_some(*packing, from, to);
+    }
+    if (!size) throw Error(ErrorKind::data, text("'", file, "': damaged: the chunk does not decompress"));
+    return *size;
+}
+
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
     if (!decoded(codec, from, to, file))
         throw Error(ErrorKind::data,

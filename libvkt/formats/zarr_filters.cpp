@@ -68,6 +68,7 @@ void together(std::span<std::byte const> from, std::span<std::byte> to, std::siz
 } // namespace
 
 std::size_t filtered_bytes(std::span<Filter const> filters, DataType type, std::size_t n) {
+    if (!filters.empty() && filters.back().kind == Filter::Kind::bits) return 1 + (n + 7) / 8;
     for (Filter const& filter : filters)
         if (filter.kind != Filter::Kind::bytes_apart) type = filter.to;
     return n * size_of(type);
@@ -84,6 +85,12 @@ void undo(std::span<Filter const> filters, bool swapped, std::span<std::byte> en
     };
     for (std::size_t i = filters.size(); i-- > 0;) {
         Filter const& filter = filters[i];
+        if (filter.kind == Filter::Kind::bits) {
+            std::span<std::byte> const target = room(scratch, to.size() / element);
+            for (std::size_t k = 0; k < target.size(); ++k) target[k] = bytes[1 + k / 8] >> (7 - k % 8) & std::byte{1};
+            bytes = target;
+            continue;
+        }
         if (filter.kind == Filter::Kind::bytes_apart) {
             std::span<std::byte> const target = room(bytes.data() == scratch.data() ? other : scratch, bytes.size());
             together(bytes, target, filter.element);

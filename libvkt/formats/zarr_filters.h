@@ -19,6 +19,7 @@ struct Filter {
         scale,       ///< (number - offset) * scale, rounded
         cast,        ///< another type; rounded before, if at all
         bytes_apart, ///< first bytes of all elements, then second ones ("shuffle")
+        bits,        ///< of bools, behind a byte that counts those of the last byte that are none; the last filter
     };
     Kind kind = Kind::cast;
     DataType from = DataType::uint8, to = DataType::uint8; ///< what it takes, and what it makes of it

@@ -110,6 +110,7 @@ private:
     std::vector<std::string> candidates(std::string const& folder) const;
     void add_coordinates(Found& found, std::string const& folder) const;
     Found with_image_around(Array array, std::string const& folder) const;
+    Found first_of(std::string const& folder, std::vector<std::string> const& names, int depth) const;
     [[noreturn]] void no_array(std::string const& folder, std::string const& inside) const;
 
     Store const& store_;
@@ -169,7 +170,7 @@ void Search::add_coordinates(Found& found, std::string const& folder) const {
 
 /// A level of an image that was named itself.
 Found Search::with_image_around(Array array, std::string const& folder) const {
-    Found found{std::move(array), {}, 0, {}};
+    Found found{std::move(array), {}, 0, {}, {}};
     add_coordinates(found, folder);
     std::size_t const slash = folder.rfind('/');
     std::string const own = folder.substr(slash == std::string::npos ? 0 : slash + 1);
@@ -211,13 +212,34 @@ Found Search::array(std::string const& folder, std::string const& inside, int de
         if (!array)
             throw Error(ErrorKind::data,
                         text("'", shown_, "': the array '", image->levels.front().path, "' of its image is missing"));
-        return {std::move(*array), std::move(image), 0, {}};
+        return {std::move(*array), std::move(image), 0, {}, {}};
     }
     auto const names = candidates(folder);
-    if (names.size() == 1) return array(below(folder, names.front()), "", depth - 1);
     if (names.empty()) throw Error(ErrorKind::data, text("'", shown_, "' is a group that holds no array"));
-    throw Error(ErrorKind::usage, text("'", shown_, "' holds several arrays: ", join(names, ", ")),
-                text("name one: --variable ", names.front()));
+    return first_of(folder, names, depth);
+}
+
+/// The first array of these, with the names of all that could be meant.
+Found Search::first_of(std::string const& folder, std::vector<std::string> const& names, int depth) const {
+    std::optional<Found> first;
+    std::optional<Error> failed;
+    Choices all;
+    for (std::string const& name : names) try {
+            Found found = array(below(folder, name), "", depth - 1);
+            Position const extents(found.array.shape.rbegin(), found.array.shape.rend());
+            if (found.choices.names.empty()) all.names.emplace_back(name, about_array(found.array.dtype, extents));
+            for (auto const& [inside, about] : found.choices.names)
+                all.names.emplace_back(text(name, "/", inside), about);
+            all.not_read.insert(all.not_read.end(), found.choices.not_read.begin(), found.choices.not_read.end());
+            if (!first) first = std::move(found);
+        } catch (Error const& error) {
+            if (!failed) failed = error;
+            all.not_read.push_back(text("array '", name, "'"));
+        }
+    if (!first) throw *failed;
+    if (all.names.size() == 1) all.names.clear();
+    first->choices = std::move(all);
+    return std::move(*first);
 }
 
 } // namespace

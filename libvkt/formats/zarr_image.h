@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/formats/choices.h"
 #include "libvkt/formats/zarr_array.h"
 
 #include <nlohmann/json_fwd.hpp>
@@ -38,10 +39,11 @@ struct Found {
     std::size_t level = 0;
     /// Of each dimension, the array that says where its samples lie; empty, or as many as there are dimensions.
     std::vector<std::optional<Array>> coordinates;
+    Choices choices{}; ///< where several are there and none was named: this is the first
 };
 
 /// The array at `inside` below a folder; without a name, the only one there, or the finest of an image. `shown` is how
-/// messages name the store. Throws Error{data} for what is damaged, Error{usage} that lists names where one is missing.
+/// messages name the store. Throws Error{data} for what is damaged, Error{usage} for names that are not there.
 Found find_array(Store const& store, std::string const& shown, std::string const& folder, std::string const& inside);
 
 } // namespace vkt::zarr

@@ -6,6 +6,7 @@
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/gdcm/elements.h"
 #include "libvkt/formats/gdcm/pixels.h"
+#include "libvkt/formats/gdcm/stream.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
 
@@ -15,7 +16,6 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <span>
 #include <tuple>
@@ -46,15 +46,14 @@ private:
 };
 
 bool SliceFinder::read_file(std::string const& file) {
-    {
-        // GDCM takes much for DICOM that is not: other files of a folder are left alone.
-        std::ifstream in(input_.full(file), std::ios::binary);
+    FileStream stream(input_.full(file));
+    if (input_.folder) { // GDCM takes much for DICOM that is not: other files of a folder are left alone.
         std::array<char, dicom_head_bytes> head{};
-        in.read(head.data(), head.size());
-        auto const got = static_cast<std::size_t>(in.gcount());
-        if (input_.folder && !begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return false;
+        stream.read(head.data(), head.size());
+        auto const got = static_cast<std::size_t>(stream.gcount());
+        if (!begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return false;
+        stream.clear();
     }
-    std::ifstream stream(input_.full(file), std::ios::binary);
     if (!whole_elements(stream))
         throw Error(ErrorKind::data, text("'", input_.full(file), "': ended early: it has no whole header"),
                     input_.folder ? "copy it again, or remove it from the folder" : "");

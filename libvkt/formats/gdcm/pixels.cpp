@@ -3,6 +3,7 @@
 #include "libvkt/formats/gdcm/pixels.h"
 
 #include "libvkt/formats/gdcm/elements.h"
+#include "libvkt/formats/gdcm/stream.h"
 #include "libvkt/formats/raw_source.h"
 
 #include <gdcmImageReader.h>
@@ -11,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <string_view>
 
 namespace vkt::dicom {
@@ -125,15 +125,16 @@ std::vector<char> const& FrameDecoder::pixels(Input const& input, Slice const& s
     if (held_ && held_file_ == slice.file) return pixels_;
     held_ = false;
     held_frame_ = -1;
-    gdcm::ImageReader reader;
-    reader.SetFileName(input.full(slice.file).c_str());
     std::string const name = input.full(slice.file);
+    FileStream stream(name);
+    gdcm::ImageReader reader;
+    reader.SetStream(stream);
     auto const refuse = [&](std::string const& what) {
         throw Error(ErrorKind::data, text("'", name, "': damaged: ", what));
     };
     if (slice.bits == 1) { // GDCM ends the process
         gdcm::Reader bits;
-        bits.SetFileName(input.full(slice.file).c_str());
+        bits.SetStream(stream);
         if (!bits.Read() || !single_bits(bits.GetFile().GetDataSet(), slice))
             refuse("its single bits cannot be read, or are encoded, which is not read");
         held_file_ = slice.file;
@@ -236,7 +237,7 @@ std::span<char const> FrameDecoder::frame_of(Input const& input, Slice const& sl
     }
     if (held_ && held_file_ == slice.file && held_frame_ == slice.frame) return pixels_;
     held_ = false;
-    std::ifstream stream(input.full(slice.file), std::ios::binary);
+    FileStream stream(input.full(slice.file));
     if (slice.runs && !read_runs(stream, slice))
         throw Error(ErrorKind::data, text("'", input.full(slice.file), "': damaged: its runs of bytes are no frame"));
     if (!slice.runs) read_plain(stream, slice);

@@ -10,6 +10,7 @@
 #include "libvkt/formats/gdcm/pixels.h"
 #include "libvkt/formats/gdcm/slice.h"
 #include "libvkt/formats/gdcm/stacks.h"
+#include "libvkt/formats/gdcm/stream.h"
 #include "libvkt/formats/header_text.h"
 
 #include <gdcmReader.h>
@@ -19,7 +20,6 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <type_traits>
 
 namespace vkt::dicom {
@@ -119,7 +119,7 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
 
 /// What the first image says of the patient and the examination.
 void DicomFiles::tell_personal(std::string const& file, ParsedGrids& grids) const {
-    std::ifstream stream(input_.full(file), std::ios::binary);
+    FileStream stream(input_.full(file));
     gdcm::Reader reader;
     reader.SetStream(stream);
     if (!reader.ReadUpToTag(pixel_data, {pixel_data})) input_.fail("changed while it was read");
