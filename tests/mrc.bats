@@ -182,6 +182,17 @@ for order in "<>":
 END
 }
 
+@test "a series does not say of all volumes that they are exact because the first one is" {
+    vkt make sphere --dims 9 8 7 --no-history -o exact.vkt
+    vkt filter gaussian exact.vkt --sigma 1 --no-history -o smooth.vkt
+    fails_with 2 "some are exact and others are not" bash -c 'cat exact.vkt smooth.vkt | vkt write - both.mrc'
+    [ ! -e both.mrc ]
+    cat smooth.vkt exact.vkt | vkt write - other.mrc
+    run ! bash -c "vkt info other.mrc | grep -q 'error *exact'"
+    cat exact.vkt exact.vkt | vkt write - two.mrc
+    [ "$(vkt info two.mrc | grep -c 'error *exact')" -eq 2 ]
+}
+
 @test "damaged files, and modes that are no volumes, are refused" {
     /usr/bin/python3 - <<'END'
 from common import *

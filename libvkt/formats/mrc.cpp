@@ -349,6 +349,10 @@ std::string mrc_bytes(HeaderText const& h) {
     Header kept = h.first;
     kept.timing = kept.dry_run = false;
     if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
+    bool const exact = kept.error.exact() || kept.error.silent();
+    if (h.length == size && !exact) // there is no place for it behind what was taken for plain
+        throw Error(ErrorKind::usage, "one MRC file cannot hold volumes of which some are exact and others are not",
+                    "write one file each: name it like out_%04d.mrc");
     if (h.length == size || (h.length == 0 && say_all(bytes, kept))) return bytes;
     std::copy(ours.begin(), ours.end(), bytes.begin() + 104);
     std::string json = to_json(kept);
