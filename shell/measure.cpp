@@ -49,7 +49,7 @@ int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& cont
     measurement.info.format = [&context](std::string const& input) { return context.format(input); };
     operation_->measure(measurement);
     if (!reports.empty()) print(reports, measurement.form, context); // none: a dry run
-    if (!failures.empty()) // with the code of the first
+    if (!failures.empty())                                           // with the code of the first
         throw Error(failures.front().kind(),
                     join(collect(failures, [](Error const& e) { return std::string(e.what()); }), "; "),
                     failures.front().hint());

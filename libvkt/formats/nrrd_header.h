@@ -29,9 +29,9 @@ struct NrrdHeader {
 NrrdHeader read_nrrd_header(ByteSource& bytes);
 
 /// Dims, type, geometry and place of the voxels. Axes of one sample that are not spatial are dropped where there are
-/// more than three; a fourth axis at the end becomes a sequence of volumes, and so do the values of a voxel along a first
-/// axis that is not spatial (colours, vectors, lists). Throws Error{data}, also for such an axis among the spatial ones,
-/// with a hint what to do, and for files elsewhere, unless the header is trusted.
+/// more than three; a fourth axis at the end becomes a sequence of volumes, and so do the values of a voxel along a
+/// first axis that is not spatial (colours, vectors, lists). Throws Error{data}, also for such an axis among the
+/// spatial ones, with a hint what to do, and for files elsewhere, unless the header is trusted.
 RawLayout nrrd_layout(NrrdHeader const& header, bool trust_paths);
 
 /// NRRD's name of a type; empty if it has none.
