@@ -367,3 +367,45 @@ assert np.abs(s['R'] - e['R'])[lit].max() < 1e-5"
     run vkt image diff head.png behind.png --tolerance 0.05
     [ "$status" = 1 ]
 }
+
+@test "slices come back from PGM, PFM and OpenEXR; colours and channels are a volume each" {
+    for type in uint8 uint16 float16 float32; do
+        vkt make noise --dims 9 7 1 --dtype $type -o $type.vkt
+        case $type in
+        uint*) formats=pgm ;;
+        float16) formats=exr ;;
+        float32) formats="pfm exr" ;;
+        esac
+        for format in $formats; do
+            vkt write $type.vkt $type.$format 2>said || { grep -q "this build has no OpenEXR" said; continue; }
+            vkt diff $type.$format $type.vkt
+            [ "$(vkt info $type.$format --json | sed -n 's/.*"dtype": "\(.*\)",/\1/p')" = $type ]
+            vkt read $type.$format --roi 2:5,1:6,: | vkt diff - <(vkt crop $type.vkt --roi 2:5,1:6,:)
+            vkt read - <$type.$format | vkt diff - $type.vkt
+        done
+    done
+    printf 'P3\n# a comment\n2 1 # another\n255\n1 2 3\n4 5 6\n' >text.ppm
+    printf 'P6 2 1 255\n\001\002\003\004\005\006' >binary.ppm
+    printf 'P2\n2 1\n300\n299 7\n' >wide.pgm
+    for name in text binary; do
+        [ "$(vkt read $name.ppm | vkt write - --format raw 2>/dev/null | od -An -tu1 | tr -s ' ')" = " 1 4 2 5 3 6" ]
+    done
+    vkt info wide.pgm | grep -q '^dtype *uint16'
+    printf 'PF\n1 2\n-1.0\n' >colours.pfm
+    /usr/bin/python3 -c 'import struct, sys; sys.stdout.buffer.write(struct.pack("<6f", 4, 5, 6, 1, 2, 3))' >>colours.pfm
+    vkt read colours.pfm --variable G | vkt stats --json | grep -q '"sum": 7'
+    fails_with 2 "has no channel 'A', but R, G, B" vkt read colours.pfm --variable A
+    # What is damaged.
+    printf 'P5 2 99 255\n12' >short.pgm
+    printf 'P5 99999999 2 255\n' >huge.pgm
+    printf 'P5 2 2 0\n1234' >none.pgm
+    printf 'P5 x' >letters.pgm
+    printf 'P5 2' >cut.pgm
+    for name in short huge none letters cut; do fails_with 3 "$name.pgm" vkt stats $name.pgm; done
+    vkt make sphere --dims 12 12 12 -o ball.nrrd
+    vkt render ball.nrrd --size 16 -o drawn.exr 2>said || { grep -q "without it\|no OpenEXR" said; return 0; }
+    vkt info drawn.exr >info
+    [ "$(grep -c 'channel: [RGBZ]$' info)" -ge 4 ]
+    vkt read drawn.exr --variable Z | vkt info | grep -q '^dims *16 16 1'
+    vkt history drawn.exr | grep -q '^vkt render'
+}

@@ -34,14 +34,14 @@ class ComponentSource : public Source {
 public:
     ComponentSource(std::unique_ptr<Source> wide, Components components)
         : wide_(std::move(wide)), components_(components) {
-        narrow();
+        take_header();
     }
 
     bool next_volume() override {
         if (index_ < 0 || index_ + 1 == components_.count) {
             kept_.reset();
             if (!wide_->next_volume()) return false;
-            narrow();
+            take_header();
             index_ = -1;
         }
         ++index_;
@@ -87,7 +87,7 @@ public:
 
 private:
     /// The header of one component from that of all.
-    void narrow() {
+    void take_header() {
         header_ = wide_->header();
         if (components_.count < 1 || header_.dims.x % components_.count != 0)
             throw Error(ErrorKind::data, text("rows of ", header_.dims.x, " values do not hold ", components_.count,

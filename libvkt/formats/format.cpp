@@ -252,7 +252,7 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
     if (!options.describes() && holds_stream(bytes)) return open_stream(std::move(bytes));
     Format const* format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
-    if (!options.variable.empty() && (one_only || format->slices))
+    if (!options.variable.empty() && (one_only || (format->slices && !format->planes)))
         throw Error(ErrorKind::usage,
                     text("'", bytes->name(), "': --variable: ", format->name, " files hold one unnamed variable"));
     if (options.spacing && format->name != "raw" && !format->slices)

@@ -78,6 +78,7 @@ struct Format {
     std::unique_ptr<Sink> (*create)(std::string const& path, WriteOptions const& options) = nullptr;
     bool in_gzip = false; ///< files may be compressed as a whole: NAME.gz
     bool slices = false;  ///< a file holds a slice; several, NAME%04d or a folder, a volume
+    bool planes = false;  ///< of such a file: it may hold several, which have names
 };
 
 std::vector<Format> const& formats();

@@ -1,5 +1,5 @@
-// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits; PFM and OpenEXR, floats. PNG is read,
-// too.
+// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits; PFM and OpenEXR, floats. PNG is read
+// here, the others in picture_source.cpp.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
@@ -8,6 +8,7 @@
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/exr.h"
 #include "libvkt/formats/pfm.h"
+#include "libvkt/formats/picture_source.h"
 #include "libvkt/formats/picture_texts.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
@@ -385,18 +386,15 @@ Format png_format() {
 }
 
 Format pgm_format() {
-    return {"pgm", "a slice as a grey picture, written only", {".pgm"}, nullptr, nullptr, create<PgmWriter>, false,
-            true};
+    return {"pgm", "a slice as a grey picture", {".pgm", ".ppm"}, is_pgm, open_pgm, create<PgmWriter>, false, true};
 }
 
 Format pfm_format() {
-    return {"pfm", "a slice as a picture of floats, written only", {".pfm"}, nullptr, nullptr, create<PfmWriter>, false,
-            true};
+    return {"pfm", "a slice as a picture of floats", {".pfm"}, is_pfm, open_pfm, create<PfmWriter>, false, true, true};
 }
 
 Format exr_format() {
-    return {"exr", "a slice as an OpenEXR picture, written only", {".exr"}, nullptr, nullptr, create<ExrWriter>, false,
-            true};
+    return {"exr", "a slice as an OpenEXR picture", {".exr"}, is_exr, open_exr, create<ExrWriter>, false, true, true};
 }
 
 } // namespace vkt

@@ -448,6 +448,7 @@ std::vector<std::string> File::texts(hid_t object, char const* name) const {
     H5Tset_size(memory, H5T_VARIABLE);
     if (H5Aread(attribute, memory, static_cast<void*>(read.data())) < 0) return {};
     std::vector<std::string> result;
+    result.reserve(read.size());
     for (char const* const one : read) result.emplace_back(one == nullptr ? "" : one);
     H5Dvlen_reclaim(memory, space, H5P_DEFAULT, static_cast<void*>(read.data()));
     return result;

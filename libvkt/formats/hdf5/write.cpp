@@ -280,6 +280,7 @@ void Writer::put_list(char const* name, std::vector<std::string> const& values) 
     H5Tset_size(type, H5T_VARIABLE);
     H5Tset_cset(type, H5T_CSET_UTF8);
     std::vector<char const*> words;
+    words.reserve(values.size());
     for (std::string const& value : values) words.push_back(value.c_str());
     Handle const attribute(H5Acreate2(*data_, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
     need(attribute && H5Awrite(attribute, type, words.data()) >= 0, name);
