@@ -100,5 +100,6 @@ assert a['dims'] == b['dims'] == [9, 7, 6]"
 import csv, sys
 rows = list(csv.DictReader(sys.stdin))
 assert [r['name'] for r in rows] == ['v.nrrd', 'f.mha'] and rows[0]['mean'] == rows[1]['mean']"
-    fails_with 4 "cannot open 'absent.nrrd'" vkt info v.nrrd absent.nrrd
+    run -4 --separate-stderr vkt info v.nrrd absent.nrrd
+    [[ "$stderr" == *"cannot open 'absent.nrrd'"* && "$output" == *v.nrrd* ]]
 }

@@ -105,7 +105,7 @@ std::unique_ptr<Source> open_without_name(std::unique_ptr<ByteSource> bytes, std
             if (!first) first = error;
             choices.not_read.push_back(text("array '", member.name, "'"));
         }
-    if (all.empty()) throw *first;
+    if (all.empty()) throw Error(*first);
     if (std::any_of(all.begin(), all.end(), [](Readable const& r) { return r.image; }))
         std::erase_if(all, [](Readable const& r) { return !r.image; });
     std::unique_ptr<Source> source = open_array(std::move(bytes), *all.front().member, file);

@@ -345,8 +345,8 @@ void Metadata::read_codecs(Json const& list, bool inside_shard) {
         Json const* const found = maybe(codec, "configuration");
         Json const how = found != nullptr ? *found : Json::object();
         if (name == "transpose" && !bytes) {
-            if (!inside_shard && list.size() > 1 && list.back().is_object() &&
-                list.back().value("name", "") == "sharding_indexed")
+            if (!inside_shard && list.size() > 1 && list.back().is_object() && list.back().contains("name") &&
+                list.back()["name"] == "sharding_indexed")
                 fail("shards that are transposed, which are not read");
             read_transpose(how);
         } else if (name == "bytes" && !bytes) {

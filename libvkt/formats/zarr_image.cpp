@@ -236,7 +236,7 @@ Found Search::first_of(std::string const& folder, std::vector<std::string> const
             if (!failed) failed = error;
             all.not_read.push_back(text("array '", name, "'"));
         }
-    if (!first) throw *failed;
+    if (!first) throw Error(*failed);
     if (all.names.size() == 1) all.names.clear();
     first->choices = std::move(all);
     return std::move(*first);
