@@ -302,7 +302,7 @@ void ZarrSource::use_our_places(Json const& series) {
         leading_places_[i].clear();
         for (Json const& place : *said) {
             auto& places = leading_places_[i].emplace_back();
-            if (place.is_string() && place != "")
+            if (place.is_string() && !place.get_ref<std::string const&>().empty())
                 places[time ? "sequence position" : "channel"] = place.get<std::string>();
         }
     }

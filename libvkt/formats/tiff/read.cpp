@@ -84,7 +84,8 @@ void use_our_times(std::int64_t frames, ParsedGrids& grids) {
     auto const each = grids.attributes.size() / static_cast<std::size_t>(frames);
     for (std::size_t v = 0; v < grids.attributes.size(); ++v) {
         for (char const* const name : {"sequence step", "sequence units"}) grids.attributes[v].erase(name);
-        grids.attributes[v]["sequence position"] = to_text(*first + static_cast<double>(v / each) * *step);
+        std::size_t const time = v / each;
+        grids.attributes[v]["sequence position"] = to_text(*first + static_cast<double>(time) * *step);
     }
 }
 
