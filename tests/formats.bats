@@ -229,7 +229,7 @@ END
         done
         [ "$(vkt read "$1" | vkt write - --format raw | wc -c)" -eq "$("$unu" save -f nrrd -e raw -i "$1" | "$unu" data - | wc -c)" ]
     }
-    for kind in RGB-color list vector 3-vector time; do
+    for kind in RGB-color list vector 3-vector time none '???'; do
         "$unu" make -i values.raw -t uchar -s 3 6 5 7 -e raw -k $kind domain domain domain -o first.nrrd
         same_as_slices first.nrrd 0 3
         "$unu" make -i values.raw -t uchar -s 6 5 7 3 -e raw -k domain domain domain $kind -o last.nrrd

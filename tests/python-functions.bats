@@ -267,6 +267,9 @@ for path in "ball.vtp", "ball.xyz":
     try: s.write(path)
     except vkt.Error as e: assert path in str(e)
     else: raise AssertionError(path)
+try: vkt.surface(np.zeros((3, 3, 3)), iso=1)
+except TypeError as e: assert "takes a vkt.Volume" in str(e)
+else: raise AssertionError("an array")
 two = np.zeros((9, 9, 9), "u1"); two[1:4, 1:4, 1:4] = 3; two[5:8, 5:8, 5:8] = 7
 parts = vkt.surface(vkt.Volume(two), labels=True)
 assert [parts.label(i) for i in range(len(parts))] == [3, 7] and [p["label"] for p in parts.report["labels"]] == [3, 7]

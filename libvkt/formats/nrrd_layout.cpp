@@ -262,9 +262,15 @@ void Interpreter::choose_axes(RawLayout& layout) {
     // Nor does a first of four, which older writers give to scalars.
     bool const unexplained = kinds_.empty() && directions_.empty();
     if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && unexplained) chosen_.erase(chosen_.begin());
-    // What stands side by side in a voxel. Where nothing else is said, spacings tell what is space.
-    bool const spaced_behind = chosen_.size() == 4 && unexplained && !spacing_of(chosen_[0]) && spacing_of(chosen_[3]);
-    if (chosen_.size() > 1 && ((!spatial(chosen_[0]) && sizes_[chosen_[0]] > 1) || spaced_behind)) {
+    // What stands side by side in a voxel. Where nothing else is said, spacings tell what is space, and so do the kinds
+    // of all the others.
+    auto const of_space = [&](std::size_t axis) { return kinds_[axis] == "domain" || kinds_[axis] == "space"; };
+    bool const four = chosen_.size() == 4,
+               spaced = four && unexplained && !spacing_of(chosen_[0]) && spacing_of(chosen_[3]);
+    bool const odd =
+        four && !kinds_.empty() && !of_space(chosen_[0]) && std::all_of(chosen_.begin() + 1, chosen_.end(), of_space);
+    bool const beside = chosen_.size() > 1 && !spatial(chosen_[0]);
+    if (spaced || ((odd || beside) && sizes_[chosen_[0]] > 1)) {
         components_ = chosen_.front();
         chosen_.erase(chosen_.begin());
     }

@@ -63,6 +63,8 @@ class Surface:
 def surface(volume: "Volume", **options: Any) -> "Surface":
     """The closed surface at a physical value, surface(volume, iso=0.5), or around each label, surface(volume,
     labels=True), with the options of `vkt mesh` (man vkt-mesh). A value that is nowhere in the volume is a warning."""
+    if not hasattr(volume, "_handle"):
+        raise TypeError(f"surface() takes a vkt.Volume, and this is {type(volume).__name__}: vkt.Volume(array)")
     handle = ctypes.c_void_p()
     check(library.vkt_make_surface(volume._handle, *words_of(option_words(options)), ctypes.byref(handle)))
     result = Surface(handle)
