@@ -310,14 +310,19 @@ EOF
     make_stream
     mkdir tmp
     export TMPDIR="$BATS_TEST_TMPDIR/tmp"
-    mkfifo first second
+    mkfifo first second third
     { head -c 60000 stream.vkt; exec sleep 20; } >first &
     feeder=$!
     vkt filter gaussian --sigma 1 <first >second 2>/dev/null &
     victim=$!
-    vkt flip z -o out/killed.nrrd <second 2>stderr &
+    tee seen <second >third &
+    vkt flip z -o out/killed.nrrd <third 2>stderr &
     last=$!
-    sleep 0.5
+    # In the middle: it has begun to write.
+    for _ in $(seq 400); do
+        [ ! -s seen ] || break
+        sleep 0.05
+    done
     kill -9 $victim
     status=0
     wait $last || status=$?
