@@ -113,7 +113,7 @@ sys.exit(open('s.png', 'rb').read(8) != b'\x89PNG\r\n\x1a\n')"
     fails_with 2 'different axes' vkt slice $v --axis x --z 1 -o x.nrrd
     fails_with 2 'uint8 or uint16, not float32' vkt slice $v --z 1 -o x.png
     fails_with 2 'holds one slice' vkt convert $v --dtype uint8 -o x.png
-    fails_with 2 'format pgm can only be written' vkt read v_13x11x7_uint8.raw --format pgm -o x.nrrd
+    fails_with 3 'its header is no PGM header' vkt read v_13x11x7_uint8.raw --format pgm -o x.nrrd
     vkt make amr --blocks 20 --levels 2 -o t.vkt
     fails_with 2 'hierarchical' vkt slice t.vkt --z 1 -o x.nrrd
     [ -z "$(ls x.* 2>/dev/null)" ]
