@@ -134,12 +134,14 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
 /// several series have in common.
 void HeaderAndVoxelsWriter::keep_common(Header const& header) {
     bool const channels = other_channel(header, first_);
+    // Components of vectors at several times are no vectors of so many components.
+    bool const mixed = channels && first_.attributes.contains("sequence step");
     std::erase_if(first_.attributes, [&](auto const& attribute) {
         auto const& [name, value] = attribute;
         auto const other = header.attributes.find(name);
         bool const along = name == "sequence position" && !channels;
-        bool const same = along || (!(channels && name == "sequence step") && other != header.attributes.end() &&
-                                    other->second == value);
+        bool const same = along || (!(channels && name == "sequence step") && !(mixed && name == "intent_code") &&
+                                    other != header.attributes.end() && other->second == value);
         // The number of a channel is its place.
         if (!same && !(name == "channel" && value == "0")) differing_.push_back(name);
         return !same;
