@@ -56,14 +56,13 @@ render::Image image_of(Volume const& volume, render::RenderSettings const& setti
     return image;
 }
 
-vkt_picture drawn(Volume const& volume, std::vector<std::string> const& words, Call& call) {
+vkt_picture drawn(Volume const& volume, char const* const* words, size_t count, Call& call) {
     render::SettingsParameters options;
     Parameters own, shared;
     ExecutionOptions for_execution = call.policy();
     options.declare(own);
     for_execution.declare(shared);
-    auto const left = read_words(words, {&own, &shared});
-    if (!left.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", left.front(), "'"));
+    read_options(words, count, {&own, &shared});
     options.check();
     Execution const execution = call.execution(for_execution);
     render::RenderSettings const settings = options.settings();
@@ -98,7 +97,7 @@ vkt_status vkt_render(vkt_volume const* volume, char const* const* words, size_t
     return guarded([&](Call& call) {
         need(volume, "volume");
         need(picture, "picture");
-        *picture = new vkt_picture(drawn(volume->volume, words_of(words, count), call));
+        *picture = new vkt_picture(drawn(volume->volume, words, count, call));
     });
 }
 int vkt_picture_width(vkt_picture const* picture) { return picture == nullptr ? 0 : picture->width; }

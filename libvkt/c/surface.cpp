@@ -26,14 +26,13 @@ using namespace vkt::c;
 
 namespace {
 
-vkt_surface made(Volume const& volume, std::vector<std::string> const& words, Call& call) {
+vkt_surface made(Volume const& volume, char const* const* words, size_t count, Call& call) {
     MakeMesh operation;
     Parameters own, shared;
     ExecutionOptions options = call.policy();
     operation.parameters(own);
     options.declare(shared);
-    auto const left = read_words(words, {&own, &shared});
-    if (!left.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", left.front(), "'"));
+    read_options(words, count, {&own, &shared});
     operation.check();
     Execution const execution = call.execution(options);
     vkt_surface surface;
@@ -67,7 +66,7 @@ vkt_status vkt_make_surface(vkt_volume const* volume, char const* const* words, 
     return guarded([&](Call& call) {
         need(volume, "volume");
         need(surface, "surface");
-        *surface = new vkt_surface(made(volume->volume, words_of(words, count), call));
+        *surface = new vkt_surface(made(volume->volume, words, count, call));
     });
 }
 

@@ -591,11 +591,8 @@ void OperationSource::compute_region(AnyView out) {
     }
     // What is computed once and for all does not belong to the part of it that is asked for first.
     bool const once = plan_.whole && out.box == box_of(plan_.output.dims);
-    std::optional<ProgressPart> share;
-    if (once)
-        share.emplace(ProgressPart::OfCall{}, execution_.monitor, 0.0, 0.95);
-    else
-        share.emplace(execution_.monitor, 0.0, 1.0);
+    ProgressPart const share = once ? ProgressPart(ProgressPart::OfCall{}, execution_.monitor, 0.0, 0.95)
+                                    : ProgressPart(execution_.monitor, 0.0, 1.0);
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     if (info_.times) info_.times->voxels += out.box.voxels();
     if (out.space == execution_.space()) {

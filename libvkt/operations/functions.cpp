@@ -48,6 +48,13 @@ private:
     std::vector<std::string> words_;
 };
 
+/// An operation whose options say how the volume continues outside and where it works.
+template <class Options> Words local(std::initializer_list<std::string> name, Options const& options) {
+    Words words(name);
+    words.option("boundary", options.boundary).option("roi", options.roi);
+    return words;
+}
+
 } // namespace
 
 Region::Region(Box const& box)
@@ -55,46 +62,34 @@ Region::Region(Box const& box)
                      box.upper.z)) {}
 
 Volume gaussian(Volume const& volume, GaussianOptions const& options, CallOptions const& how) {
-    Words words{"filter", "gaussian"};
-    words.option("sigma", options.sigma).option("boundary", options.boundary).option("roi", options.roi);
+    Words words = local({"filter", "gaussian"}, options);
+    words.option("sigma", options.sigma);
     if (options.world) words.option("unit", std::string("world"));
     if (options.tolerance) words.option("tolerance", text(*options.tolerance, "%"));
     return words.applied({volume}, how);
 }
 
 Volume median(Volume const& volume, MedianOptions const& options, CallOptions const& how) {
-    return Words{"filter", "median"}
-        .option("radius", options.radius)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
-        .applied({volume}, how);
+    return local({"filter", "median"}, options).option("radius", options.radius).applied({volume}, how);
 }
 
 Volume bilateral(Volume const& volume, BilateralOptions const& options, CallOptions const& how) {
-    return Words{"filter", "bilateral"}
+    return local({"filter", "bilateral"}, options)
         .option("sigma", options.sigma)
         .option("range-sigma", options.range_sigma)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .applied({volume}, how);
 }
 
 Volume box_mean(Volume const& volume, BoxOptions const& options, CallOptions const& how) {
-    return Words{"filter", "box"}
-        .option("radius", options.radius)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
-        .applied({volume}, how);
+    return local({"filter", "box"}, options).option("radius", options.radius).applied({volume}, how);
 }
 
 namespace {
 
 Volume derivative(std::string const& name, Volume const& volume, DerivativeOptions const& options,
                   CallOptions const& how) {
-    return Words{"filter", name}
+    return local({"filter", name}, options)
         .option("component", options.component)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .option("dtype", options.dtype)
         .applied({volume}, how);
 }
@@ -110,41 +105,33 @@ Volume sobel(Volume const& volume, DerivativeOptions const& options, CallOptions
 }
 
 Volume laplacian(Volume const& volume, LaplacianOptions const& options, CallOptions const& how) {
-    return Words{"filter", options.sigma ? "log" : "laplacian"}
+    return local({"filter", options.sigma ? "log" : "laplacian"}, options)
         .option("sigma", options.sigma)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .option("dtype", options.dtype)
         .applied({volume}, how);
 }
 
 Volume sharpen(Volume const& volume, SharpenOptions const& options, CallOptions const& how) {
-    return Words{"filter", "sharpen"}
+    return local({"filter", "sharpen"}, options)
         .option("sigma", options.sigma)
         .option("amount", options.amount)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .applied({volume}, how);
 }
 
 Volume nlmeans(Volume const& volume, NlmeansOptions const& options, CallOptions const& how) {
-    return Words{"filter", "nlmeans"}
+    return local({"filter", "nlmeans"}, options)
         .option("noise", options.noise)
         .option("strength", options.strength)
         .option("patch", options.patch)
         .option("search", options.search)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .applied({volume}, how);
 }
 
 Volume morphology(std::string const& what, Volume const& volume, MorphologyOptions const& options,
                   CallOptions const& how) {
-    return Words{"morphology", what}
+    return local({"morphology", what}, options)
         .option("radius", options.radius)
         .option("shape", options.shape)
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
         .applied({volume}, how);
 }
 
@@ -289,11 +276,7 @@ Volume transform(std::string const& expression, Volume const& volume, TransformO
                  CallOptions const& how) {
     std::vector<Volume> inputs{volume};
     inputs.insert(inputs.end(), options.others.begin(), options.others.end());
-    return Words{"transform", expression}
-        .option("boundary", options.boundary)
-        .option("roi", options.roi)
-        .option("dtype", options.dtype)
-        .applied(inputs, how);
+    return local({"transform", expression}, options).option("dtype", options.dtype).applied(inputs, how);
 }
 
 Volume convert(Volume const& volume, DataType type, CallOptions const& how) {
