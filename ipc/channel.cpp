@@ -3,6 +3,7 @@
 #include "ipc/channel.h"
 
 #include "ipc/descriptor.h"
+#include "ipc/waiting.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
@@ -310,23 +311,17 @@ void ProducerChannel::relay() {
 }
 
 std::uint32_t ProducerChannel::acquire_slot(std::function<void()> const& waiting) {
-    constexpr std::chrono::milliseconds between{20};
     if (relay_.joinable()) {
         std::unique_lock lock(mutex_);
-        auto const there = [&] { return gone_ || !free_.empty(); };
-        while (waiting && !returned_.wait_for(lock, between, there)) {
-            lock.unlock();
-            waiting();
-            lock.lock();
-        }
-        returned_.wait(lock, there);
+        wait_for(
+            returned_, lock, [&] { return gone_ || !free_.empty(); }, waiting);
         if (gone_) throw BrokenPipe{};
     } else {
         while (receive_return(MSG_DONTWAIT)) {
         }
         while (free_.empty()) {
             pollfd entry{peer_, POLLIN, 0};
-            while (waiting && ::poll(&entry, 1, static_cast<int>(between.count())) == 0) waiting();
+            while (waiting && ::poll(&entry, 1, static_cast<int>(waiting_pause.count())) == 0) waiting();
             receive_return(0);
         }
     }

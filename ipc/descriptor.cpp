@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "ipc/descriptor.h"
 
+#include "ipc/waiting.h"
+
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -30,7 +32,7 @@ struct Closer {
 
 void wait_until_writable(int descriptor, std::function<void()> const& waiting) {
     pollfd entry{descriptor, POLLOUT, 0};
-    while (::poll(&entry, 1, waiting ? 20 : -1) == 0) waiting();
+    while (::poll(&entry, 1, waiting ? static_cast<int>(waiting_pause.count()) : -1) == 0) waiting();
 }
 
 /// Drops the first n bytes of a list of buffers.

@@ -3,6 +3,7 @@
 #include "ipc/channel.h"
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
+#include "ipc/waiting.h"
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
@@ -100,7 +101,6 @@ private:
     void recycle(Slab slab);
     void work();
     void wait_until_written();
-    template <class Condition> void wait(std::unique_lock<std::mutex>& lock, Condition const& condition);
     void stop(bool cancel);
 
     int descriptor_;
@@ -242,10 +242,11 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     {
         std::unique_lock lock(mutex_);
         auto const begin = Clock::now();
-        wait(lock, [&] {
+        auto const room = [&] {
             return failure_ || !spare_.empty() ||
                    slabs_ < (current_.bytes > large_slab ? ring_slabs - 1 : ring_slabs) + in_pipe_.size();
-        });
+        };
+        wait_for(changed_, lock, room, waiting_);
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
         if (failure_) std::rethrow_exception(failure_);
         if (spare_.empty()) {
@@ -452,21 +453,11 @@ void StreamSink::Writer::write_bricks(BricksHeader const& head, std::span<std::b
     count(frame, cells.size());
 }
 
-/// Of the thread that computes, for the one that writes.
-template <class Condition>
-void StreamSink::Writer::wait(std::unique_lock<std::mutex>& lock, Condition const& condition) {
-    while (waiting_ && !changed_.wait_for(lock, std::chrono::milliseconds(20), condition)) {
-        lock.unlock();
-        waiting_();
-        lock.lock();
-    }
-    changed_.wait(lock, condition);
-}
-
 void StreamSink::Writer::wait_until_written() {
     std::unique_lock lock(mutex_);
     auto const begin = Clock::now();
-    wait(lock, [&] { return failure_ || (queue_.empty() && !busy_); });
+    wait_for(
+        changed_, lock, [&] { return failure_ || (queue_.empty() && !busy_); }, waiting_);
     wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
     if (failure_) std::rethrow_exception(failure_);
 }

@@ -258,22 +258,18 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
         } else if (path == "-" && previous) {
             sources.push_back(std::move(previous));
             formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
-        } else if (stage.consumer() != nullptr && stage.inputs().size() > 1) {
-            // Of several, what the others hold is told all the same.
+        } else {
+            bool const several = stage.inputs().size() > 1,
+                       again = draws ? is_there_again(path) : several && is_regular(path);
+            auto const one = [this, &stage, path] { return open(stage, path); };
             try {
-                if (is_regular(path))
-                    sources.push_back(
-                        std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
-                else
-                    sources.push_back(open(stage, path));
+                sources.push_back(again ? std::make_unique<ReopenedSource>(one) : one());
             } catch (Error const& e) {
-                if (e.kind() != ErrorKind::data && e.kind() != ErrorKind::io) throw;
+                // Of several, what the others hold is told all the same.
+                bool const told = several && stage.consumer() != nullptr;
+                if (!told || (e.kind() != ErrorKind::data && e.kind() != ErrorKind::io)) throw;
                 sources.push_back(std::make_unique<FailedSource>(e));
             }
-        } else if (draws ? is_there_again(path) : stage.inputs().size() > 1 && is_regular(path)) {
-            sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
-        } else {
-            sources.push_back(open(stage, path));
         }
     }
     return sources;
