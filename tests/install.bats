@@ -77,14 +77,19 @@ EOF
     done
 }
 
-@test "a program builds with find_package" {
-    cat >CMakeLists.txt <<'EOF'
+# project_of LANGUAGE SUFFIX: builds consumer.SUFFIX.
+project_of() {
+    cat >CMakeLists.txt <<EOF
 cmake_minimum_required(VERSION 3.25)
-project(consumer CXX)
+project(consumer $1)
 find_package(vkt 0.1 REQUIRED)
-add_executable(consumer consumer.cpp)
+add_executable(consumer consumer.$2)
 target_link_libraries(consumer PRIVATE vkt::vkt)
 EOF
+}
+
+@test "a program builds with find_package" {
+    project_of CXX cpp
     cmake -S . -B build -G Ninja -DCMAKE_PREFIX_PATH="$prefix" >log 2>&1 || { cat log >&2; false; }
     cmake --build build >log 2>&1 || { cat log >&2; false; }
     run build/consumer
@@ -93,13 +98,7 @@ EOF
 
 @test "a program in C alone builds, without what the library was built with" {
     grep -q '^BUILD_SHARED_LIBS:BOOL=ON' "$VKT_BUILD/CMakeCache.txt" || skip "a static library needs what it was built with"
-    cat >CMakeLists.txt <<'EOF'
-cmake_minimum_required(VERSION 3.25)
-project(consumer C)
-find_package(vkt 0.1 REQUIRED)
-add_executable(consumer consumer.c)
-target_link_libraries(consumer PRIVATE vkt::vkt)
-EOF
+    project_of C c
     cat >consumer.c <<'EOF'
 #include <stdio.h>
 #include <vkt/vkt.h>

@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 
 #include <cmath>
 #include <filesystem>
@@ -109,9 +110,7 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
     data_file_->expect(deflate_ || options_.compress ? least_deflated(header.bytes()) : header.bytes());
     if (volumes_++ > 0) {
         // There is one line for all, in a header of a length that is fixed.
-        if (!(header.error == first_.error))
-            first_.error = first_.history ? VolumeError{} : VolumeError::lost("series");
-        keep_common(in_utf8(header));
+        take_common(in_utf8(header));
         return;
     }
     first_ = in_utf8(header);
@@ -132,20 +131,20 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
 
 /// Attributes are those of all volumes, besides where the first of them lies along the series, which channels of
 /// several series have in common.
-void HeaderAndVoxelsWriter::keep_common(Header const& header) {
+void HeaderAndVoxelsWriter::take_common(Header header) {
     bool const channels = other_channel(header, first_);
-    // Components of vectors at several times are no vectors of so many components.
-    bool const mixed = channels && first_.attributes.contains("sequence step");
-    std::erase_if(first_.attributes, [&](auto const& attribute) {
-        auto const& [name, value] = attribute;
-        auto const other = header.attributes.find(name);
-        bool const along = name == "sequence position" && !channels;
-        bool const same = along || (!(channels && name == "sequence step") && !(mixed && name == "intent_code") &&
-                                    other != header.attributes.end() && other->second == value);
-        // The number of a channel is its place.
-        if (!same && !(name == "channel" && value == "0")) differing_.push_back(name);
-        return !same;
-    });
+    // The number of a channel is its place.
+    bool const numbered = first_.attributes.contains("channel") && first_.attributes["channel"] == "0";
+    if (!channels) {
+        if (auto const at = first_.attributes.find("sequence position"); at != first_.attributes.end())
+            header.attributes.insert_or_assign(at->first, at->second);
+    } else {
+        // Components of vectors at several times are no vectors of so many components.
+        if (first_.attributes.contains("sequence step")) header.attributes.erase("intent_code");
+        header.attributes.erase("sequence step");
+    }
+    for (std::string& name : keep_common(first_, header))
+        if (name != "channel" || !numbered) differing_.push_back(std::move(name));
 }
 
 void HeaderAndVoxelsWriter::close() {

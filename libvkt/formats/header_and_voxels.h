@@ -52,7 +52,7 @@ protected:
 
 private:
     void check_volume(Header const& header) const;
-    void keep_common(Header const& header);
+    void take_common(Header header);
     std::string header_text(std::size_t length) const;
 
     HeaderFormat format_;

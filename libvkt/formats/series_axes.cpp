@@ -46,6 +46,18 @@ std::vector<std::string> channels_of(SeriesAxis const& axis) {
     return result;
 }
 
+std::vector<std::string> keep_common(Header& first, Header const& other) {
+    if (!(other.error == first.error)) first.error = first.history ? VolumeError{} : VolumeError::lost("series");
+    std::vector<std::string> gone;
+    std::erase_if(first.attributes, [&](auto const& attribute) {
+        auto const found = other.attributes.find(attribute.first);
+        if (found != other.attributes.end() && found->second == attribute.second) return false;
+        gone.push_back(attribute.first);
+        return true;
+    });
+    return gone;
+}
+
 void SeriesAxes::no_grid() const {
     throw Error(ErrorKind::usage,
                 text("volume ", volumes_, ": times and channels form no full grid, which one ", file_, " needs"),
@@ -58,10 +70,12 @@ void SeriesAxes::add(Header const& given) {
         throw Error(ErrorKind::usage, text("one ", file_, " cannot hold volumes of different dims, types or geometry"),
                     text("write one file each: name it like out_%04d", extension_));
     place(said(header, "channel"), said(header, "sequence position"));
-    if (volumes_++ == 0)
+    if (volumes_++ == 0) {
         header_ = std::move(header);
-    else
-        keep_common(header);
+        return;
+    }
+    for (std::string& name : keep_common(header_, header))
+        if (name != "channel" && name != "sequence position") differing_.push_back(std::move(name));
 }
 
 /// The second volume tells which axis is the inner one; the outer one begins where the inner one does so again.
@@ -97,17 +111,6 @@ std::vector<std::int64_t> SeriesAxes::extents() const {
     if (volumes_ < 2) return {};
     if (outer_.size() == 1) return {inner_.size()};
     return {outer_.size(), inner_.size()};
-}
-
-void SeriesAxes::keep_common(Header const& header) {
-    if (!(header.error == header_.error)) header_.error = header_.history ? VolumeError{} : VolumeError::lost("series");
-    std::erase_if(header_.attributes, [&](auto const& attribute) {
-        auto const& [name, value] = attribute;
-        auto const other = header.attributes.find(name);
-        if (other != header.attributes.end() && other->second == value) return false;
-        if (name != "channel" && name != "sequence position") differing_.push_back(name);
-        return true;
-    });
 }
 
 } // namespace vkt

@@ -29,6 +29,10 @@ std::optional<EvenSteps> steps_of(SeriesAxis const& axis, Header const& header);
 /// What channels are called; their numbers where they do not say.
 std::vector<std::string> channels_of(SeriesAxis const& axis);
 
+/// Leaves in the header of a file's first volume what it has in common with another one: the error, or that a series
+/// lost it, and attributes. Returns the names of those that went.
+std::vector<std::string> keep_common(Header& first, Header const& other);
+
 /// Takes the headers of volumes as they come, of which all have one lattice, and finds the axes that they form.
 class SeriesAxes {
 public:
@@ -53,7 +57,6 @@ public:
 
 private:
     void place(std::string const& channel, std::string const& position);
-    void keep_common(Header const& header);
     [[noreturn]] void no_grid() const;
 
     std::string file_, extension_;

@@ -59,9 +59,7 @@ std::array<int, 3> spatial_axes(Found const& found) {
 
 /// As NRRD and NIfTI spell them; as they stand where those have none.
 std::string unit_of_time(std::string const& unit) {
-    constexpr std::pair<char const*, char const*> known[] = {
-        {"second", "s"}, {"millisecond", "ms"}, {"microsecond", "us"}, {"nanosecond", "ns"}, {"minute", "min"}};
-    for (auto const& [name, sign] : known)
+    for (auto const& [sign, name] : zarr::units_of_time)
         if (unit == name) return sign;
     return unit.find('"') == std::string::npos ? unit : "";
 }

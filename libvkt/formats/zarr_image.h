@@ -9,12 +9,17 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace vkt::zarr {
 
 /// Attribute of an array of vkt's: for the dimensions that enumerate volumes, what each of these says of its place.
 inline constexpr char const* series_attribute = "vkt_series";
+
+/// Units of time as NRRD and NIfTI spell them, and as OME-NGFF does.
+inline constexpr std::pair<char const*, char const*> units_of_time[] = {
+    {"s", "second"}, {"ms", "millisecond"}, {"us", "microsecond"}, {"ns", "nanosecond"}, {"min", "minute"}};
 
 /// The member of an object; null if there is none, or if it is no object.
 nlohmann::json const* member(nlohmann::json const& object, char const* name);

@@ -26,6 +26,7 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -72,17 +73,14 @@ template <class T> void add_means(std::byte const* a, std::byte const* b, Index3
         }
 }
 
-/// As OME-NGFF spells it; empty for what it does not know.
-std::string time_unit(Header const& header) {
-    auto const found = header.attributes.find("sequence units");
+/// The unit that an attribute lists for so many axes, by the first of them, as OME-NGFF spells it; empty for what is
+/// not among these.
+std::string ome_unit(Header const& header, char const* attribute, std::size_t axes,
+                     std::span<std::pair<char const*, char const*> const> known) {
+    auto const found = header.attributes.find(attribute);
     auto const units = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
-    constexpr std::pair<char const*, char const*> names[] = {{"\"s\"", "second"},
-                                                             {"\"ms\"", "millisecond"},
-                                                             {"\"us\"", "microsecond"},
-                                                             {"\"ns\"", "nanosecond"},
-                                                             {"\"min\"", "minute"}};
-    for (auto const& [sign, name] : names)
-        if (units && units->size() == 1 && units->front() == sign) return name;
+    for (auto const& [sign, name] : known)
+        if (units && units->size() == axes && units->front() == text("\"", sign, "\"")) return name;
     return "";
 }
 
@@ -257,13 +255,9 @@ Json ZarrWriter::about() const {
 /// mean of.
 Json ZarrWriter::image() const {
     Geometry const& g = header_.geometry;
-    auto const found = header_.attributes.find("space units");
-    auto const units = found == header_.attributes.end() ? std::nullopt : quoted_entries(found->second);
-    constexpr std::pair<char const*, char const*> names[] = {{"\"um\"", "micrometer"},
-                                                             {"\"mm\"", "millimeter"},
-                                                             {"\"nm\"", "nanometer"},
-                                                             {"\"m\"", "meter"},
-                                                             {"\"angstrom\"", "angstrom"}};
+    constexpr std::pair<char const*, char const*> units_of_space[] = {
+        {"um", "micrometer"}, {"mm", "millimeter"}, {"nm", "nanometer"}, {"m", "meter"}, {"angstrom", "angstrom"}};
+    std::string const length = ome_unit(header_, "space units", 3, units_of_space);
     std::vector<SeriesAxis> const series = axes();
     Json axes = Json::array();
     Json before = Json::array(), first = Json::array(); // scales and translations of dimensions before z
@@ -271,7 +265,7 @@ Json ZarrWriter::image() const {
     for (SeriesAxis const& axis : series) {
         Json entry{{"name", axis.name()}, {"type", axis.time ? "time" : "channel"}};
         auto const steps = axis.time ? steps_of(axis, header_) : std::nullopt;
-        std::string const unit = steps ? time_unit(header_) : "";
+        std::string const unit = steps ? ome_unit(header_, "sequence units", 1, zarr::units_of_time) : "";
         if (!unit.empty()) entry["unit"] = unit;
         axes.push_back(entry);
         before.push_back(steps ? steps->step : 1.0);
@@ -280,8 +274,7 @@ Json ZarrWriter::image() const {
     }
     for (char const* const axis : {"z", "y", "x"}) {
         Json entry{{"name", axis}, {"type", "space"}};
-        for (auto const& [sign, name] : names)
-            if (units && units->size() == 3 && units->front() == sign) entry["unit"] = name;
+        if (!length.empty()) entry["unit"] = length;
         axes.push_back(entry);
     }
     Json datasets = Json::array();
