@@ -32,8 +32,7 @@ public:
         }
         if (output_ == "-" && format() != MeshFormat::obj && !file_.ascii && output_is_terminal())
             throw Error(ErrorKind::usage, "refusing to write binary triangles to the terminal", "use -o FILE");
-        if (format() == MeshFormat::stl && file_.normals)
-            throw Error(ErrorKind::usage, "--normals: STL has those of triangles only", "write PLY, OBJ or VTP");
+        (void)format(); // or it is refused
         if (output_ != "-") check_output(numbered_path(output_, 0), force_);
     }
 
@@ -66,14 +65,7 @@ protected:
 private:
     static constexpr char const* several = "the input holds several volumes, but -o names one mesh";
 
-    MeshFormat format() const {
-        if (format_) return *format_;
-        auto const named = mesh_format_of(output_);
-        if (!named)
-            throw Error(ErrorKind::usage, text("'", output_, "' is no name of a mesh file"),
-                        "name it .stl, .ply, .obj or .vtp, or say --format");
-        return *named;
-    }
+    MeshFormat format() const { return mesh_format(output_, format_, file_.normals); }
     void write(std::string const& path, std::span<Mesh const> meshes, MakeMesh const& mesh, bool labels) {
         MeshFileOptions options = file_;
         options.format = format();

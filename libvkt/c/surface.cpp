@@ -99,13 +99,7 @@ vkt_status vkt_surface_write(vkt_surface const* surface, char const* path, char 
         parameters.flag("normals", options.normals, "normals of vertices");
         parameters.flag("force", force, "overwrite an existing output file");
         read_options(words, count, {&parameters});
-        if (!format) format = mesh_format_of(path);
-        if (!format)
-            throw Error(ErrorKind::usage, text("'", path, "' is no name of a mesh file"),
-                        "name it .stl, .ply, .obj or .vtp, or say --format");
-        if (*format == MeshFormat::stl && options.normals)
-            throw Error(ErrorKind::usage, "--normals: STL has those of triangles only", "write PLY, OBJ or VTP");
-        options.format = *format;
+        options.format = mesh_format(path, format, options.normals);
         options.labels = surface->labels;
         options.spacing = surface->spacing;
         OutputFile file(path, force);

@@ -302,6 +302,16 @@ bool fits_float32(std::span<Mesh const> meshes, double spacing) {
     return largest * 0x1p-24 <= spacing / 2048;
 }
 
+MeshFormat mesh_format(std::string const& path, std::optional<MeshFormat> said, bool normals) {
+    std::optional<MeshFormat> const format = said ? said : mesh_format_of(path);
+    if (!format)
+        throw Error(ErrorKind::usage, text("'", path, "' is no name of a mesh file"),
+                    "name it .stl, .ply, .obj or .vtp, or say --format");
+    if (*format == MeshFormat::stl && normals)
+        throw Error(ErrorKind::usage, "--normals: STL has those of triangles only", "write PLY, OBJ or VTP");
+    return *format;
+}
+
 void write_meshes(OutputFile& file, std::span<Mesh const> meshes, MeshFileOptions const& options) {
     Output out(file);
     bool const wide = options.format != MeshFormat::stl && !fits_float32(meshes, options.spacing);

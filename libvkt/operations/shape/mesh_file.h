@@ -31,6 +31,10 @@ struct MeshFileOptions {
 /// That of the name's extension; none if it has another one.
 std::optional<MeshFormat> mesh_format_of(std::string const& path);
 
+/// The format that was said, or else that of the name. Throws Error{usage} if there is none, and for normals where the
+/// format has no place for them.
+MeshFormat mesh_format(std::string const& path, std::optional<MeshFormat> said, bool normals);
+
 /// Several meshes become one file. Coordinates are float32 in STL, in PLY and VTP where that is exact to 1/2048 of
 /// the spacing, float64 otherwise. Throws Error{io}, and Error{usage} for more than 2^32 triangles in STL.
 void write_meshes(OutputFile& file, std::span<Mesh const> meshes, MeshFileOptions const& options);
