@@ -458,6 +458,7 @@ void OperationSource::read(AnyView out) {
     if (plan_.carries) return run_in_order(out);
     if (execution_.device == Device::gpu && (out.space == Space::host || out.dims().z < work_.cut.slices))
         return run_on_gpu(out);
+    begins_ = false;
     compute(out);
 }
 

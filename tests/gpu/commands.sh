@@ -197,6 +197,7 @@ done
 checked=$((checked + 1))
 cmp -s said_cpu "said_${gpu%:*}" || {
     echo 'FAILED: losses are counted otherwise'
+    diff said_cpu "said_${gpu%:*}" || true
     failed=$((failed + 1))
 }
 

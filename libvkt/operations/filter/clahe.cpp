@@ -60,13 +60,28 @@ std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRul
         cut = clip > 1 ? pizer_cut(counts, clip * voxels / n) : 0;
         break;
     }
-    // As many roundings as there are bins would show in float64.
-    long double excess = 0, below = 0;
-    for (std::uint64_t const count : counts) excess += std::max(0.0, static_cast<double>(count) - cut);
-    long double const spread = excess / n;
+    // Sums of whole bins are exact, and so are numbers of cut ones: however many bins lie below an edge, its share is
+    // rounded a few times only, and never falls from one edge to the next.
+    std::uint64_t above = 0, cut_bins = 0;
+    for (std::uint64_t const count : counts)
+        if (static_cast<double>(count) > cut) {
+            above += count;
+            ++cut_bins;
+        }
+    auto const limited = [cut](std::uint64_t bins, std::uint64_t whole) { // no bin is cut where nothing limits them
+        return bins == 0 ? static_cast<double>(whole)
+                         : std::fma(static_cast<double>(bins), cut, static_cast<double>(whole));
+    };
+    double const spread =
+        cut_bins == 0 ? 0
+                      : std::max(0.0, std::fma(-static_cast<double>(cut_bins), cut, static_cast<double>(above))) / n;
+    std::uint64_t whole = 0, cut_below = 0;
     for (std::size_t i = 0; i < counts.size(); ++i) {
-        curve[i] = std::min(1.0, static_cast<double>(below / voxels));
-        below += std::min(static_cast<double>(counts[i]), cut) + spread;
+        curve[i] = std::min(1.0, (limited(cut_below, whole) + static_cast<double>(i) * spread) / voxels);
+        if (static_cast<double>(counts[i]) > cut)
+            ++cut_below;
+        else
+            whole += counts[i];
     }
     curve.back() = 1;
     return curve;

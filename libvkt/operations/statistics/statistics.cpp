@@ -55,9 +55,13 @@ MeanOrigin first_finite(ConstView slab) {
     if (slab.space == Space::device) {
         HostCopy copy;
         std::int64_t const rows = rows_in_band(slab.dims(), slab.type);
-        for_each_piece(slab.box, {1, rows}, [&](Box const& band) {
-            if (!origin.known) origin = first_finite(copy.of(slab.part(band)));
-        });
+        Box band = slab.box; // mostly the first one has it
+        for (std::int64_t z = slab.box.lower.z; z < slab.box.upper.z && !origin.known; ++z)
+            for (std::int64_t y = slab.box.lower.y; y < slab.box.upper.y && !origin.known; y += rows) {
+                band.lower.z = z, band.upper.z = z + 1;
+                band.lower.y = y, band.upper.y = std::min(y + rows, slab.box.upper.y);
+                origin = first_finite(copy.of(slab.part(band)));
+            }
         return origin;
     }
     with_type(slab.type, [&]<class T>(T) {

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 namespace vkt::VKT_BACKEND {
@@ -62,68 +63,192 @@ template <int Axis, class V, class C, bool Voxels> struct Thinned {
     int radius;
     C const* shares;
 
-    static constexpr int blocks_at_once = 5; ///< of a multiprocessor: loads are what it waits for
-
+    /// One by one, for radii that shared memory has no room for.
     __device__ __forceinline__ void operator()(std::int64_t i, std::int64_t j, std::int64_t k,
                                                driver::LossCounts&) const {
         Index3 at{to.lower.x + i, to.lower.y + j, to.lower.z + k};
         C* const result = to.at(at.x, at.y, at.z);
-        std::int64_t const middle = along<Axis>(at) * step, first = along<Axis>(from.lower);
-        (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = first;
+        std::int64_t const middle = along<Axis>(at) * step, stride = from.template stride<Axis>();
+        (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = along<Axis>(from.lower);
         V const* const line = from.at(at.x, at.y, at.z);
-        std::int64_t const stride = from.template stride<Axis>();
-        if (middle - radius >= first && middle + radius < along<Axis>(from.upper))
-            *result = average(line + (middle - first) * stride, stride);
-        else
-            *result = average_at_end(line, middle, stride);
-    }
-
-private:
-    /// Of values that all are there.
-    __device__ __forceinline__ C average(V const* centre, std::int64_t stride) const {
-        if (radius == 0) return value_of<C, Voxels>(*centre);
-        V const *below = centre - radius * stride, *above = centre + radius * stride;
-        C sum = value_of<C, Voxels>(*below) + value_of<C, Voxels>(*above);
-#pragma unroll 4
-        for (int k = radius - 1; k >= 0; --k) {
-            below += stride;
-            above -= stride;
-            C const pair = value_of<C, Voxels>(*below) + value_of<C, Voxels>(*above);
-            sum = madd(shares[k], pair - sum, sum);
+        C sum = value(line, middle - radius, stride) + value(line, middle + radius, stride);
+        for (int d = radius - 1; d >= 0; --d) {
+            C const pair = value(line, middle - d, stride) + value(line, middle + d, stride);
+            sum = madd(shares[d], pair - sum, sum);
         }
-        return C(0.5) * sum;
+        *result = C(0.5) * sum;
     }
-    /// Where some are beyond the ends of a line. Apart, lest it takes registers from what nearly all threads do.
-    __device__ __noinline__ C average_at_end(V const* line, std::int64_t middle, std::int64_t stride) const {
+    /// Where a value of a line lies, -1 for the border value.
+    __device__ __forceinline__ std::int64_t place(std::int64_t index) const {
         std::int64_t const first = along<Axis>(from.lower);
-        auto const value = [&](std::int64_t o) {
-            std::int64_t const index = middle + o;
-            bool const there = index >= first && index < along<Axis>(from.upper);
-            std::int64_t const source = there ? index : fold(index, n, boundary);
-            return source < 0 && !there ? border : value_of<C, Voxels>(line[(source - first) * stride]);
-        };
-        if (radius == 0) return value(0);
-        C sum = value(-radius) + value(radius);
-        for (int k = radius - 1; k >= 0; --k) {
-            C const pair = value(-k) + value(k);
-            sum = madd(shares[k], pair - sum, sum);
-        }
-        return C(0.5) * sum;
+        if (index >= first && index < along<Axis>(from.upper)) return index - first;
+        std::int64_t const source = fold(index, n, boundary);
+        return source < 0 ? -1 : source - first;
+    }
+    __device__ __forceinline__ C value(V const* line, std::int64_t index, std::int64_t stride) const {
+        std::int64_t const at = place(index);
+        return at < 0 ? border : value_of<C, Voxels>(line[at * stride]);
     }
 };
+
+/// Shared memory is read and written by blocks of 64 by 4 threads, each of which has to do with four lines at once:
+/// what they have in common is computed once, and four loads are on their way.
+constexpr int tile_width = 64, tile_height = 4, at_once = 4, made = tile_height * at_once;
+constexpr std::int64_t usual_tile = 48 << 10, largest_tile = 200 << 10; ///< bytes of shared memory
+
+/// Nested averages (see GaussianTaps) of four lines: pair(k, below, above) sets the values k before and after each
+/// line's middle.
+template <class C, class Pair>
+__device__ __forceinline__ void nested_averages(int radius, C const* shares, Pair const& pair, C (&sum)[at_once]) {
+    C below[at_once], above[at_once];
+    pair(radius, below, above);
+#pragma unroll
+    for (int j = 0; j < at_once; ++j) sum[j] = below[j] + above[j];
+    for (int k = radius - 1; k >= 0; --k) {
+        pair(k, below, above);
+        C const share = shares[k];
+#pragma unroll
+        for (int j = 0; j < at_once; ++j) sum[j] = madd(share, below[j] + above[j] - sum[j], sum[j]);
+    }
+#pragma unroll
+    for (int j = 0; j < at_once; ++j) sum[j] *= C(0.5);
+}
+
+/// Along y or z: a block makes some values of each of its columns, of what it has read once.
+template <int Axis, class V, class C, bool Voxels>
+__global__ void __launch_bounds__(tile_width* tile_height)
+    thin_columns(__grid_constant__ Thinned<Axis, V, C, Voxels> const f, driver::Blocks blocks) {
+    extern __shared__ unsigned char shared[];
+    int const lane = threadIdx.x, row = threadIdx.y, r = f.radius, step = static_cast<int>(f.step);
+    C* const tile = reinterpret_cast<C*>(shared);
+    C* const shares = tile + ((made - 1) * step + 2 * r + 1) * tile_width;
+    for (int k = row * tile_width + lane; k < r; k += tile_width * tile_height) shares[k] = f.shares[k];
+    std::int64_t const first = along<Axis>(f.to.lower) +
+                               static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * made,
+                       end = min(first + made, along<Axis>(f.to.upper));
+    Index3 at = f.from.lower;
+    at.x =
+        min(f.to.lower.x + static_cast<std::int64_t>(blockIdx.x % blocks.across) * tile_width + lane, f.to.upper.x - 1);
+    (Axis == 1 ? at.z : at.y) = (Axis == 1 ? f.to.lower.z : f.to.lower.y) + blockIdx.x / blocks.across / blocks.along;
+    V const* const line = f.from.at(at.x, at.y, at.z);
+    std::int64_t const stride = f.from.template stride<Axis>(), begin = first * step - r;
+    int const needed = static_cast<int>(end - 1 - first) * step + 2 * r + 1;
+    if (begin >= along<Axis>(f.from.lower) && begin + needed <= along<Axis>(f.from.upper)) {
+        V const* source = line + (begin - along<Axis>(f.from.lower) + row) * stride;
+        int i = row;
+        for (; i + (at_once - 1) * tile_height < needed; i += at_once * tile_height) {
+            V voxels[at_once];
+#pragma unroll
+            for (int k = 0; k < at_once; ++k, source += tile_height * stride) voxels[k] = *source;
+#pragma unroll
+            for (int k = 0; k < at_once; ++k)
+                tile[(i + k * tile_height) * tile_width + lane] = value_of<C, Voxels>(voxels[k]);
+        }
+        for (; i < needed; i += tile_height, source += tile_height * stride)
+            tile[i * tile_width + lane] = value_of<C, Voxels>(*source);
+    } else {
+        for (int i = row; i < needed; i += tile_height) tile[i * tile_width + lane] = f.value(line, begin + i, stride);
+    }
+    __syncthreads();
+    (Axis == 1 ? at.y : at.z) = first;
+    C* const to = f.to.at(at.x, at.y, at.z);
+    int const apart = tile_height * step * tile_width, count = static_cast<int>(end - first);
+    // Values beyond the last one are made of what happens to be there, and not stored.
+    C const* const middle = tile + (row * step + r) * tile_width + lane;
+    C sum[at_once];
+    nested_averages(
+        r, shares,
+        [&](int k, C(&below)[at_once], C(&above)[at_once]) {
+            C const *low = middle - k * tile_width, *high = middle + k * tile_width;
+#pragma unroll
+            for (int j = 0; j < at_once; ++j, low += apart, high += apart) below[j] = *low, above[j] = *high;
+        },
+        sum);
+#pragma unroll
+    for (int j = 0; j < at_once; ++j)
+        if (row + j * tile_height < count) to[(row + j * tile_height) * f.to.template stride<Axis>()] = sum[j];
+}
+
+/// Values of a phase that lie side by side, for rows of so many.
+VKT_HD int phase_pitch(int wide, std::int64_t step) {
+    int const pitch = (wide + static_cast<int>(step) - 1) / static_cast<int>(step);
+    // Of four phases stored at once, as of most, none meets another's banks.
+    return (pitch + 31 - 8) / 32 * 32 + 8;
+}
+
+/// Along x: rows lie in shared memory phase by phase, so that neighbours of neighbouring results are neighbours.
+template <class V, class C, bool Voxels>
+__global__ void __launch_bounds__(tile_width* tile_height)
+    thin_rows(__grid_constant__ Thinned<0, V, C, Voxels> const f, driver::Blocks blocks) {
+    extern __shared__ unsigned char shared[];
+    int const lane = threadIdx.x, row = threadIdx.y * at_once, r = f.radius;
+    auto const step = static_cast<unsigned>(f.step);
+    int const pitch = phase_pitch((tile_width - 1) * static_cast<int>(step) + 2 * r + 1, f.step),
+              size = pitch * static_cast<int>(step);
+    C* const tile = reinterpret_cast<C*>(shared) + row * size; // the first of this thread's rows
+    C* const shares = reinterpret_cast<C*>(shared) + tile_height * at_once * size;
+    for (int k = threadIdx.y * tile_width + lane; k < r; k += tile_width * tile_height) shares[k] = f.shares[k];
+    std::int64_t const first = f.to.lower.x + static_cast<std::int64_t>(blockIdx.x % blocks.across) * tile_width,
+                       end = min(first + tile_width, f.to.upper.x), begin = first * f.step - r,
+                       y = f.to.lower.y + static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * made +
+                           row,
+                       z = f.to.lower.z + blockIdx.x / blocks.across / blocks.along;
+    V const* line[at_once];
+#pragma unroll
+    for (int j = 0; j < at_once; ++j) line[j] = f.from.at(f.from.lower.x, min(y + j, f.to.upper.y - 1), z);
+    int const needed = static_cast<int>(end - 1 - first) * static_cast<int>(step) + 2 * r + 1;
+    for (int i = lane; i < needed; i += tile_width) {
+        unsigned const slot = static_cast<unsigned>(i) / step, phase = static_cast<unsigned>(i) - slot * step;
+        std::int64_t const from = f.place(begin + i);
+        V voxels[at_once];
+#pragma unroll
+        for (int j = 0; j < at_once; ++j) voxels[j] = line[j][max(from, std::int64_t{0})];
+        C* const to = tile + phase * pitch + slot;
+#pragma unroll
+        for (int j = 0; j < at_once; ++j) to[j * size] = from < 0 ? f.border : value_of<C, Voxels>(voxels[j]);
+    }
+    __syncthreads();
+    if (first + lane >= end) return;
+    // Of the pair that comes next: where it lies below and above the middle.
+    unsigned low = 0, low_phase = 0, high = 2 * static_cast<unsigned>(r) / step,
+             high_phase = 2 * static_cast<unsigned>(r) - high * step;
+    C sum[at_once];
+    nested_averages(
+        r, shares,
+        [&](int, C(&below)[at_once], C(&above)[at_once]) {
+            C const *a = tile + low_phase * pitch + low + lane, *b = tile + high_phase * pitch + high + lane;
+#pragma unroll
+            for (int j = 0; j < at_once; ++j, a += size, b += size) below[j] = *a, above[j] = *b;
+            if (++low_phase == step) low_phase = 0, ++low;
+            if (high_phase-- == 0) high_phase = step - 1, --high;
+        },
+        sum);
+#pragma unroll
+    for (int j = 0; j < at_once; ++j)
+        if (y + j < f.to.upper.y) *f.to.at(first + lane, y + j, z) = sum[j];
+}
 
 /// Splines read off at voxels along an axis, from as many nodes as the degree asks for.
 template <int Taps, class T, class C> struct Spline {
     C const* shares; ///< of each phase
     C factor;
 
-    __device__ __forceinline__ T at(C const (&nodes)[Taps], std::int64_t phase) const {
-        C const* const own = shares + phase * (Taps - 1);
+    /// Those of one phase, in registers.
+    struct Phase {
+        C share[Taps > 1 ? Taps - 1 : 1];
+    };
+    __device__ __forceinline__ Phase phase(std::int64_t which) const {
+        Phase result;
+#pragma unroll
+        for (int t = 0; t + 1 < Taps; ++t) result.share[t] = shares[which * (Taps - 1) + t];
+        return result;
+    }
+    __device__ __forceinline__ T at(C const* nodes, Phase const& own) const {
         C sum = nodes[0];
 #pragma unroll
         for (int t = 1; t < Taps; ++t) {
             int const tap = t % 2 == 0 ? t / 2 : Taps - 1 - t / 2; // CascadeAxis::tap()
-            sum = madd(own[t - 1], nodes[tap] - sum, sum);
+            sum = madd(own.share[t - 1], nodes[tap] - sum, sum);
         }
         if constexpr (std::is_same_v<T, C>)
             return factor * sum;
@@ -132,9 +257,44 @@ template <int Taps, class T, class C> struct Spline {
     }
 };
 
-/// Along x a thread reads off one voxel; along y and z those from one node to the next, of which all read the same
-/// nodes.
-template <int Axis, int Taps, class T, class C> struct Refined {
+/// A thread reads off the voxels of one place along x, in some rows: their phase is the same.
+template <int Taps, class T, class C> struct RefinedRows {
+    static constexpr int rows = 4, blocks_at_once = 4;
+
+    Lattice<C const> from;
+    Lattice<T> to;
+    std::int64_t step, left;
+    std::int64_t first; ///< node, at or before the first voxel
+    Spline<Taps, T, C> spline;
+
+    Index3 items() const {
+        Index3 const n = to.upper - to.lower;
+        return {n.x, (n.y + rows - 1) / rows, n.z};
+    }
+    __device__ __forceinline__ void operator()(std::int64_t i, std::int64_t j, std::int64_t k,
+                                               driver::LossCounts&) const {
+        std::int64_t const x = to.lower.x + i, y = to.lower.y + j * rows, z = to.lower.z + k;
+        std::int64_t const node = first + driver::quotient_of(x - first * step, step);
+        auto const phase = spline.phase(x - node * step);
+        C const* source = from.at(node - left, y, z);
+        T* result = to.at(x, y, z);
+        C nodes[rows][Taps];
+#pragma unroll
+        for (int r = 0; r < rows; ++r) {
+#pragma unroll
+            for (int t = 0; t < Taps; ++t) nodes[r][t] = source[t];
+            if (y + r + 1 < to.upper.y) source += from.row; // there are no more
+        }
+#pragma unroll
+        for (int r = 0; r < rows; ++r, result += to.row)
+            if (y + r < to.upper.y) *result = spline.at(nodes[r], phase);
+    }
+};
+
+/// Along y and z a thread reads off the voxels from some nodes to the next ones, phase by phase.
+template <int Axis, int Taps, class T, class C> struct RefinedColumns {
+    static constexpr int at_once = 8; ///< nodes
+
     Lattice<C const> from;
     Lattice<T> to;
     std::int64_t step, left;
@@ -144,25 +304,31 @@ template <int Axis, int Taps, class T, class C> struct Refined {
     /// What there is to do, one after the other along the axis.
     Index3 items() const {
         Index3 n = to.upper - to.lower;
-        if (Axis != 0) n[Axis] = (to.upper[Axis] - 1 - first * step) / step + 1;
+        n[Axis] = ((to.upper[Axis] - 1 - first * step) / step + at_once) / at_once;
         return n;
     }
     __device__ __forceinline__ void operator()(std::int64_t i, std::int64_t j, std::int64_t k,
                                                driver::LossCounts&) const {
         Index3 at{to.lower.x + i, to.lower.y + j, to.lower.z + k};
-        std::int64_t const node =
-            Axis == 0 ? first + driver::quotient_of(at.x - first * step, step) : first + (Axis == 1 ? j : k);
-        std::int64_t const begin = Axis == 0 ? at.x : max(node * step, along<Axis>(to.lower)),
-                           end = Axis == 0 ? at.x + 1 : min((node + 1) * step, along<Axis>(to.upper));
-        (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = begin;
-        T* result = to.at(at.x, at.y, at.z);
-        (Axis == 0 ? at.x : Axis == 1 ? at.y : at.z) = node - left;
+        std::int64_t const node = first + (Axis == 1 ? j : k) * at_once, last = along<Axis>(from.upper) - 1;
+        (Axis == 1 ? at.y : at.z) = node - left;
         C const* const source = from.at(at.x, at.y, at.z);
-        C nodes[Taps];
+        std::int64_t const there = last - (node - left), stride = from.template stride<Axis>();
+        C nodes[at_once + Taps - 1];
 #pragma unroll
-        for (int t = 0; t < Taps; ++t) nodes[t] = source[t * from.template stride<Axis>()];
-        for (std::int64_t voxel = begin; voxel < end; ++voxel, result += to.template stride<Axis>())
-            *result = spline.at(nodes, voxel - node * step);
+        for (int t = 0; t < at_once + Taps - 1; ++t)
+            nodes[t] = source[min(static_cast<std::int64_t>(t), there) * stride];
+        (Axis == 1 ? at.y : at.z) = along<Axis>(to.lower);
+        T* const line = to.at(at.x, at.y, at.z); // its first voxel
+        std::int64_t const begin = along<Axis>(to.lower), size = along<Axis>(to.upper) - begin,
+                           along_line = to.template stride<Axis>();
+        for (std::int64_t p = 0; p < step; ++p) {
+            auto const phase = spline.phase(p);
+            std::int64_t voxel = node * step + p - begin;
+#pragma unroll
+            for (int n = 0; n < at_once; ++n, voxel += step)
+                if (voxel >= 0 && voxel < size) line[voxel * along_line] = spline.at(nodes + n, phase);
+        }
     }
 };
 
@@ -233,8 +399,38 @@ private:
                                             C(gaussian_scale) * static_cast<C>(direct.border_value),
                                             static_cast<int>(taps.radius),
                                             list_.get() + shares};
-        driver::for_each_voxel(box.dims(), f, nullptr, "gaussian, thinned");
+        thin(box.dims(), f);
         return made;
+    }
+    template <int Axis, class V, bool Voxels> static void thin(Index3 n, Thinned<Axis, V, C, Voxels> const& f) {
+        if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
+        std::int64_t const window = 2 * static_cast<std::int64_t>(f.radius) + 1;
+        auto const launch = [&](auto* kernel, std::int64_t values, driver::Blocks blocks) {
+            std::int64_t const bytes = (values + f.radius) * static_cast<std::int64_t>(sizeof(C));
+            if (bytes > usual_tile)
+                (void)cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                           static_cast<int>(bytes));
+            kernel<<<blocks.all, dim3(tile_width, tile_height), static_cast<std::size_t>(bytes)>>>(f, blocks);
+            check_launch("gaussian, thinned");
+        };
+        std::int64_t const largest = largest_tile / static_cast<std::int64_t>(sizeof(C));
+        if constexpr (Axis == 0) {
+            std::int64_t const wide = (tile_width - 1) * f.step + window,
+                               values = wide < largest ? made * f.step * phase_pitch(static_cast<int>(wide), f.step)
+                                                       : largest;
+            if (values + f.radius < largest)
+                return launch(&thin_rows<V, C, Voxels>, values,
+                              driver::blocks_of<driver::BlockShape<tile_width, made, 1, 1>>(n));
+        } else {
+            std::int64_t const values = ((made - 1) * f.step + window) * tile_width;
+            if (values + f.radius < largest) {
+                Index3 blocks{n.x, n.y, n.z};
+                if (Axis == 2) std::swap(blocks.y, blocks.z);
+                return launch(&thin_columns<Axis, V, C, Voxels>, values,
+                              driver::blocks_of<driver::BlockShape<tile_width, made, 1, 1>>(blocks));
+            }
+        }
+        driver::for_each_voxel(n, f, nullptr, "gaussian, thinned");
     }
     template <int Axis>
     Made thinned(Stage<C> const& from, std::int64_t step, GaussianTaps const& taps, std::size_t shares,
@@ -258,12 +454,13 @@ private:
     template <int Axis, int Taps, class V>
     void refine_by(Lattice<C const> const& from, Lattice<V> const& to, C factor) const {
         CascadeAxis const& along = axis(Axis);
-        Refined<Axis, Taps, V, C> const f{from,
-                                          to,
-                                          along.step,
-                                          along.left,
-                                          floor_div(to.lower[Axis], along.step),
-                                          {list_.get() + shares_.refining[Axis], factor}};
+        using Read = std::conditional_t<Axis == 0, RefinedRows<Taps, V, C>, RefinedColumns<Axis, Taps, V, C>>;
+        Read const f{from,
+                     to,
+                     along.step,
+                     along.left,
+                     floor_div(to.lower[Axis], along.step),
+                     {list_.get() + shares_.refining[Axis], factor}};
         driver::for_each_voxel(f.items(), f, nullptr, "gaussian, refined");
     }
     template <int Axis> Made refined(Stage<C> const& from) const {

@@ -357,8 +357,10 @@ private:
                            chunks = (box_.dims().y + march_chunk - 1) / march_chunk;
         in_groups(first, count, [&](std::int64_t z, std::int64_t n) {
             with_reach([&]<int R>(std::integral_constant<int, R>) {
-                march_xy<T, R><<<grid(across * chunks, n), march_width>>>(in_, box_, z, static_cast<unsigned>(across),
-                                                                          march_taps(0), march_taps(1), rule_, middle_);
+                auto* const kernel =
+                    passes_.boundary == Boundary::border ? &march_xy<T, R, true> : &march_xy<T, R, false>;
+                kernel<<<grid(across * chunks, n), march_width>>>(in_, box_, z, static_cast<unsigned>(across),
+                                                                  march_taps(0), march_taps(1), rule_, middle_);
             });
             check_launch("gaussian along x and y");
         });

@@ -67,8 +67,9 @@ __device__ __forceinline__ void average_window(float const (&w)[march_group + 2 
 
 /// One slice along x and y into the middle. In each step a block takes in some rows, filters them along x, a thread a
 /// piece of a row, and hands them over to the threads whose columns they are.
-template <class T, int R>
-__global__ void __launch_bounds__(march_width, R == 8 ? 5 : 3)
+/// `Bordered`: some voxels are the border value.
+template <class T, int R, bool Bordered>
+__global__ void __launch_bounds__(march_width, R == 8 ? 4 : 3)
     march_xy(View<T const> in, Box box, std::int64_t first_slice, unsigned across,
              __grid_constant__ MarchTaps const x_taps, __grid_constant__ MarchTaps const y_taps,
              Surroundings<float> rule, Middle<float> middle) {
@@ -95,26 +96,34 @@ __global__ void __launch_bounds__(march_width, R == 8 ? 5 : 3)
     float window[group + 2 * R];
     float* to = middle.slice(z) + (y0 - box.lower.y) * middle.pitch + (x0 - box.lower.x) + thread;
     bool const stored = x0 + thread < box.upper.x;
-    for (std::int64_t y = y0 - 2 * R; y < end; y += group) { // of the first row that is made
-        float values[group / warps][pieces];
+    int const down = static_cast<int>(middle.pitch);
+    // Voxels of the rows that come next: they are on their way while rows are filtered.
+    T values[group / warps][pieces];
+    bool there[group / warps];
+    auto const load = [&](std::int64_t y) {
 #pragma unroll
         for (int j = 0; j < group / warps; ++j) {
             std::int64_t const row = rule.row_of(
                 max(box.lower.y - y_taps.radius, min(y + R + warp + j * warps, box.upper.y - 1 + y_taps.radius)));
-            bool const there = rule.holds(row);
-            T const* const from = &in(box.lower.x, there ? row : box.lower.y, z);
+            there[j] = !Bordered || rule.holds(row);
+            T const* const from = &in(box.lower.x, there[j] ? row : box.lower.y, z);
 #pragma unroll
-            for (int c = 0; c < pieces; ++c)
-                values[j][c] = there && column[c] != outside
-                                   ? float(gaussian_scale) * static_cast<float>(from[column[c]])
-                                   : rule.scaled_border;
+            for (int c = 0; c < pieces; ++c) values[j][c] = from[Bordered && column[c] == outside ? 0 : column[c]];
         }
+    };
+    load(y0 - 2 * R);
+    for (std::int64_t y = y0 - 2 * R; y < end; y += group) { // of the first row that is made
 #pragma unroll
         for (int j = 0; j < group / warps; ++j)
 #pragma unroll
             for (int c = 0; c < pieces; ++c)
-                if (lane + 32 * c < wide) loaded[(warp + j * warps) * in_pitch + lane + 32 * c] = values[j][c];
+                if (lane + 32 * c < wide)
+                    loaded[(warp + j * warps) * in_pitch + lane + 32 * c] =
+                        Bordered && (!there[j] || column[c] == outside)
+                            ? rule.scaled_border
+                            : float(gaussian_scale) * static_cast<float>(values[j][c]);
         __syncthreads();
+        if (y + group < end) load(y + group);
         {
             int const row = thread % group, first = thread / group * group;
             float around[group + 2 * R], sum[group];
@@ -132,9 +141,15 @@ __global__ void __launch_bounds__(march_width, R == 8 ? 5 : 3)
         if (y < y0) continue; // rows above the first one
         float sum[group];
         average_window<R>(window, y_taps, sum);
+        if (stored && y + group <= end) {
 #pragma unroll
-        for (int s = 0; s < group; ++s, to += middle.pitch)
-            if (stored && y + s < end) *to = 0.5f * sum[s];
+            for (int s = 0; s < group; ++s) to[s * down] = 0.5f * sum[s];
+        } else if (stored) {
+#pragma unroll
+            for (int s = 0; s < group; ++s)
+                if (y + s < end) to[s * down] = 0.5f * sum[s];
+        }
+        to += group * middle.pitch;
     }
 }
 

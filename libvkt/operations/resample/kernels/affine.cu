@@ -491,6 +491,15 @@ void sample_floats(ConstView in, AnyView out, AffineSampling const& rule, unsign
     launch_sample<Kernel, double, void>(in, out, rule, totals);
 }
 
+/// Of voxels of the usual types that is a third of the time of looking it up.
+template <class Kernel>
+void sample_voxels(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
+    if (in.type == DataType::uint8) return launch_sample<Kernel, double, std::uint8_t>(in, out, rule, totals);
+    if (in.type == DataType::uint16) return launch_sample<Kernel, double, std::uint16_t>(in, out, rule, totals);
+    if (in.type == DataType::int16) return launch_sample<Kernel, double, std::int16_t>(in, out, rule, totals);
+    sample_floats<Kernel>(in, out, rule, totals);
+}
+
 } // namespace
 
 void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
@@ -508,10 +517,10 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
             launch_sample<Linear, double, void>(in, out, rule, counts.get());
             break;
         case Interpolant::cubic:
-            sample_floats<Cubic>(in, out, rule, counts.get());
+            sample_voxels<Cubic>(in, out, rule, counts.get());
             break;
         case Interpolant::lanczos3:
-            sample_floats<Lanczos3>(in, out, rule, counts.get());
+            sample_voxels<Lanczos3>(in, out, rule, counts.get());
             break;
         case Interpolant::bspline3:
             sample_floats<BSpline3>(in, out, rule, counts.get());
