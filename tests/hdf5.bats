@@ -273,7 +273,7 @@ END
     fails_with 4 'the file exists' vkt write int16.h5 h.h5
     fails_with 4 'the file exists' vkt read int16.h5 -o h.h5:/other
     fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt write int16.h5 - --format hdf5 | cat'
-    fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
+    fails_with 2 'names no dataset: a name in it is empty' vkt read int16.h5 -o 'x.h5:/a//b'
     vkt read int16.h5 | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.h5
     [ ! -e cut.h5 ]
@@ -337,6 +337,22 @@ assert (got == data.transpose(1, 4, 0, 2, 3)).all()
 END
     vkt make noise --dims 4 4 4 -o small.vkt
     fails_with 2 'different dims' sh -c 'cat t.vkt small.vkt | vkt write - mixed.h5'
+}
+
+@test "a dataset without a name is no folder of slices; names are no way out of a file" {
+    vkt make ramp --dims 5 4 3 --dtype uint8 -o a.nrrd
+    for name in / /g/ // /g//; do
+        fails_with 2 "'x.h5:$name' names no dataset: its name is missing" vkt convert a.nrrd -o x.h5:$name
+        [[ "$stderr" == *"e.g. -o x.h5:/group/volume"* ]]
+    done
+    fails_with 2 "its name is missing" vkt convert a.nrrd -o x.nc:/ --force
+    for name in /.. /../a /g/../a /./a /a/.; do
+        fails_with 2 "is no name" vkt convert a.nrrd -o x.h5:$name
+    done
+    [ -z "$(find . -name "x*" -o -name evil)" ]
+    vkt convert a.nrrd -o x.h5:/..g/a..b && vkt diff a.nrrd x.h5:/..g/a..b
+    # A folder is still one.
+    vkt convert a.nrrd -o folder:/ && [ -d folder: ]
 }
 
 @test "a dataset that is named leaves the others of its file, which is replaced whole, or not at all" {

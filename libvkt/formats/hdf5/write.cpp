@@ -70,14 +70,12 @@ Handle file_type(DataType type) {
 class Writer : public VolumeWriter {
 public:
     Writer(std::string const& path, WriteOptions const& options)
-        : options_(options), file_(file_part(path).file, options.force, OutputKind::named_file),
-          dataset_(file_part(path).part), named_(!dataset_.empty()) {
+        : options_(options), dataset_(part_to_write(path, "dataset", "/group/volume")),
+          file_(file_part(path).file, options.force, OutputKind::named_file), named_(!dataset_.empty()) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': HDF5 files cannot be written to a pipe"),
                         "name a file: -o out.h5");
         if (dataset_.empty()) dataset_ = default_dataset;
-        if (dataset_.ends_with('/') || dataset_.find("//") != std::string::npos)
-            throw Error(ErrorKind::usage, text("'", dataset_, "' names no dataset"), "e.g. -o out.h5:/group/volume");
     }
 
     void begin(Header const& header) override;
@@ -102,8 +100,8 @@ private:
     void flush();
 
     WriteOptions options_;
-    OutputFile file_;
     std::string dataset_;
+    OutputFile file_;
     bool named_; ///< so that others of the file that is there stay
     SeriesAxes series_{"HDF5 dataset", ".h5"};
     Header header_;
