@@ -1,6 +1,19 @@
 # Zarr arrays and OME-Zarr images against zarr-python (in build/peers, see tests/run.sh), and stores made by hand.
 load helper
 
+# written_in_part NAME: a writer of that store that waits for its input, some chunks of which are written; its process is
+# $writer.
+written_in_part() {
+    [ -p pipe ] || mkfifo pipe
+    vkt write pipe "$1" 3>&- & # bats waits for who holds 3
+    writer=$!
+    exec 9>pipe
+    vkt make noise --dims 128 128 400 --dtype uint8 | head -c 5000000 >&9
+    for _ in $(seq 250); do [ -n "$(find . -path "*vkt-*/0/0/0" -type f)" ] && return; sleep 0.02; done
+    false
+}
+left_over() { find . -maxdepth 1 -name '.*vkt-*'; }
+
 setup_more() {
     python_with numpy
     cat >common.py <<'PY'
@@ -679,4 +692,42 @@ END
     vkt write small.vkt three.zarr --zarr-version 3 --force
     vkt write t.vkt three.zarr --force
     [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
+}
+
+@test "a writer that is killed leaves nothing; killed with its guard, nothing after the next write in that place" {
+    written_in_part a.zarr
+    kill -9 $writer
+    exec 9>&-
+    for _ in $(seq 250); do [ -z "$(left_over)" ] && break; sleep 0.02; done
+    [ -z "$(left_over)" ]
+    written_in_part a.zarr
+    kill -9 "$(pgrep -P $writer)" $writer
+    wait $writer || true
+    exec 9>&-
+    [ -n "$(left_over)" ]
+    touch .a.zarr.vkt-notes
+    vkt make ramp --dims 8 8 8 -o other.zarr
+    [ "$(left_over)" = ./.a.zarr.vkt-notes ]
+    # A living one is left alone.
+    written_in_part a.zarr
+    vkt make ramp --dims 8 8 8 -o other.zarr --force
+    [ "$(left_over | wc -l)" = 2 ]
+    kill $writer
+    exec 9>&-
+    wait $writer || true
+    [ "$(left_over)" = ./.a.zarr.vkt-notes ]
+}
+
+@test "a store of another program that is replaced is gone, groups with names and all" {
+    /usr/bin/python3 -c '
+from common import *
+for path in ("g.zarr/density", "g.zarr/labels/cells/0"): by_hand(path, np.zeros((4, 4, 4), "u1"), (2, 2, 2), {}, sep="/")
+for path in ("g.zarr", "g.zarr/labels", "g.zarr/labels/cells"): open(path + "/.zgroup", "w").write("{\"zarr_format\": 2}")'
+    mkdir elsewhere
+    touch elsewhere/kept
+    ln -s ../elsewhere g.zarr/link
+    vkt make ramp --dims 8 8 8 -o g.zarr --force
+    [ -z "$(left_over)" ]
+    [ -e elsewhere/kept ]
+    vkt make ramp --dims 8 8 8 | vkt diff - g.zarr
 }
