@@ -4,6 +4,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/hdf5/handle.h"
+#include "libvkt/formats/hdf5/remove.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/layers.h"
@@ -188,7 +189,7 @@ bool Writer::copy_existing(hid_t access) {
         if (!last && !group) throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is no group"));
         if (last) break;
     }
-    need(H5Ldelete(*hdf5_, dataset_.c_str(), H5P_DEFAULT) >= 0, "another dataset of this name");
+    remove_named(*hdf5_, dataset_, file_.path());
     return true;
 }
 
@@ -210,7 +211,8 @@ void Writer::create(std::vector<hsize_t> const& leading) {
     space_.emplace(H5Screate_simple(rank, shape.data(), most.data()), H5Sclose);
     Handle const creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
     H5Pset_chunk(creation, rank, chunk.data());
-    H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);
+    // The time of filling is left alone: H5D_FILL_TIME_NEVER makes HDF5 1.10 lose the only chunk of a dataset in files
+    // of its latest layout.
     H5Pset_obj_track_times(creation, false); // equal volumes give equal files
     if (options_.compress) {
         H5Pset_shuffle(creation);
