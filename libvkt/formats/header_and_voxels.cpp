@@ -114,10 +114,7 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
         return;
     }
     first_ = in_utf8(header);
-    if (format_.private_values && !(header.values == ValueMap{}) && options_.notice)
-        options_.notice(text("other programs take the values of ", format_.name, " files as they are stored, here ",
-                             header.values.slope, " * stored + ", header.values.intercept,
-                             " is meant; to store what is meant: vkt convert --dtype float32"));
+    if (format_.private_values) tell_private_values(options_, header, format_.name);
     if (!header_file_) {
         std::string const head = header_text(0);
         header_length_ = head.size();

@@ -35,6 +35,13 @@ void refuse_bricks_and_series(Header const& header, bool& begun, std::string_vie
     refuse_series(begun, file, extension);
 }
 
+void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format) {
+    if (header.values == ValueMap{} || !options.notice) return;
+    options.notice(text("other programs take the values of ", format, " files as they are stored, here ",
+                        header.values.slope, " * stored + ", header.values.intercept,
+                        " is meant; to store what is meant: vkt convert --dtype float32"));
+}
+
 std::string part_to_write(std::string const& path, std::string_view what, std::string_view example) {
     auto const [file, part] = file_part(path);
     std::string const hint = text("e.g. -o ", shell_quoted(text(file, ":", example)));
