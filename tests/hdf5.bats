@@ -309,7 +309,7 @@ for name, said in series.items():
         os.rename(name + ".h5", "o.h5")
         with h5py.File("o.h5") as f:
             d = f[f"g/{name}"]
-            assert list(f["g"]) == [name] and d.shape == want.shape and (d[...] == want).all() and d.chunks[:-3] == (1,) * (d.ndim - 3), (name, d.chunks)
+            assert [n for n in f["g"] if f["g"][n].attrs.get("CLASS") != b"DIMENSION_SCALE"] == [name] and d.shape == want.shape and (d[...] == want).all() and d.chunks[:-3] == (1,) * (d.ndim - 3), (name, d.chunks)
             assert d.maxshape == (None,) + want.shape[1:] and (d.compression == "gzip") == (layout == "--compress")
             axes = name if len(name) < 3 else "t"
             assert [n.label for n in d.dims] == [*axes, "z", "y", "x"]
@@ -395,6 +395,75 @@ assert f["e"].dims[1][0] == f["x"] and f["d"].shape == (3, 4, 5)'
         grep -Eq "cannot replace '/$name', which a later one may have written|scale of dimensions" err
         cmp k.h5 kept.h5
     done
+}
+
+# series NAME…: three channels at two times, written to each of these.
+series() {
+    for c in 0 1 2; do for t in 0 1; do
+        vkt make noise --dims 6 5 4 --dtype int16 --seed $c$t | vkt set --spacing 1,2,3 --origin 10,20,30 --attribute channel=c$c \
+            --attribute "sequence position=$t.5" --attribute 'sequence step=1' --attribute 'sequence units="s"' --attribute 'space units="mm" "mm" "mm"'
+    done; done >s.vkt
+    for name; do vkt write s.vkt "$name" --force; done
+}
+
+@test "dimensions of a series have scales, which go with it" {
+    /usr/bin/python3 -c '
+import h5py, numpy
+with h5py.File("s.h5", "w") as f: f["y"] = numpy.arange(7)' # of somebody else
+    series s.h5:/data s.h5:/g/vol s.h5:/g/second
+    for name in data g/vol g/second; do vkt diff s.vkt s.h5:/$name; done
+    vkt info s.h5:/data >told
+    run ! grep 'not read' told
+    vkt info s.h5 --json | grep -q '"variables": *"/data /g/second /g/vol"'
+    cat >scales.py <<'END'
+import h5py
+f = h5py.File("s.h5")
+assert sorted(f) == ["c", "data", "data_y", "g", "t", "x", "y", "z"], list(f)
+assert sorted(f["g"]) == sorted(["second", "vol", *"ctxyz"] + ["second_" + n for n in "ctxyz"]), list(f["g"])
+for name, prefix in ("data", ""), ("g/vol", ""), ("g/second", "second_"):
+    d = f[name]
+    assert d.maxshape[0] is None and [s.label for s in d.dims] == list("ctzyx")
+    for k, axis in enumerate("ctzyx"):
+        scale = d.dims[k][0]
+        assert scale.attrs["CLASS"] == b"DIMENSION_SCALE" and scale.shape == (d.shape[k],) and scale.maxshape == (d.maxshape[k],), (name, axis)
+        assert scale.name.split("/")[-1] == ("data_y" if name == "data" and axis == "y" else prefix + axis), scale.name
+        assert [(f[r[0]], r[1]) for r in scale.attrs["REFERENCE_LIST"]] == [(d, k)]
+    assert list(d.dims[0][0].asstr()) == ["c0", "c1", "c2"] and list(d.dims[1][0]) == [0.5, 1.5] and d.dims[1][0].attrs["units"] == b"s"
+    assert list(d.dims[2][0]) == [30, 33, 36, 39] and list(d.dims[4][0]) == [10, 11, 12, 13, 14, 15] and d.dims[4][0].attrs["units"] == b"mm"
+END
+    /usr/bin/python3 scales.py
+    # Again and again: nothing is left, and nobody else's goes.
+    series s.h5:/data s.h5:/g/second s.h5:/data
+    /usr/bin/python3 scales.py
+    vkt make ramp --dims 5 4 3 | vkt write - s.h5:/data --force
+    /usr/bin/python3 -c '
+import h5py
+f = h5py.File("s.h5"); assert sorted(f) == ["data", "g", "y"] and list(f["y"]) == list(range(7)) and "second_x" in f["g"], list(f)'
+    # Axes that are turned, and times that nobody states, have names alone.
+    for i in 1 2; do vkt make noise --dims 6 5 4 --seed $i; done | vkt set --direction 0,1,0,1,0,0,0,0,1 -o turned.h5
+    /usr/bin/python3 -c '
+import h5py
+d = h5py.File("turned.h5")["data"]
+assert [s[0].attrs["NAME"].startswith(b"This is a netCDF dimension but not a netCDF variable") for s in d.dims] == [True] * 4'
+}
+
+@test "xarray opens a series: names, coordinates and units of its dimensions" {
+    export PYTHONPATH="$VKT_BUILD/xarray:$VKT_BUILD/hdf5plugin"
+    /usr/bin/python3 -c 'import xarray, h5netcdf' 2>/dev/null || skip "no xarray: pip install --no-deps --target $VKT_BUILD/xarray h5netcdf xarray packaging pandas"
+    series s.h5 g.h5:/g/vol
+    /usr/bin/python3 - <<'END'
+import subprocess, sys, warnings
+warnings.simplefilter("ignore")
+for other in "dask", "dask.array", "scipy": sys.modules[other] = None # the system's, of another NumPy
+import numpy, xarray
+want = subprocess.check_output("vkt write s.vkt - --format raw", shell=True)
+for name, group, data in ("s.h5", None, "data"), ("g.h5", "g", "vol"):
+    s = xarray.open_dataset(name, engine="h5netcdf", group=group)
+    d = s[data]
+    assert d.dims == tuple("ctzyx") and set(s.coords) == set("ctzyx") and d.values.tobytes() == want, s.sizes
+    assert d.sel(c="c1", t=1.5, x=12, y=20, z=39).item() == numpy.frombuffer(want, "i2").reshape(3, 2, 4, 5, 6)[1, 1, 3, 0, 2]
+    assert s.t.attrs["units"] == "s" and s.x.attrs["units"] == "mm"
+END
 }
 
 @test "a dataset without a name is no folder of slices; names are no way out of a file" {

@@ -4,31 +4,16 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/hdf5/handle.h"
+#include "libvkt/formats/hdf5/scales.h"
 
 #include <hdf5.h>
 
 #include <algorithm>
-#include <cstddef>
+#include <array>
 #include <vector>
 
 namespace vkt::hdf5 {
 namespace {
-
-// HDF5 Dimension Scale Specification: what a dataset names as its scales, and what scales know of their users.
-constexpr char const *scales_of = "DIMENSION_LIST", *users_of = "REFERENCE_LIST";
-
-struct User {
-    hobj_ref_t dataset = 0;
-    int dimension = 0;
-};
-
-Handle user_type() {
-    hid_t const type = H5Tcreate(H5T_COMPOUND, sizeof(User));
-    H5Tinsert(type, "dataset", offsetof(User, dataset), H5T_STD_REF_OBJ);
-    H5Tinsert(type, "dimension", offsetof(User, dimension), H5T_NATIVE_INT);
-    return {type, H5Tclose};
-}
 
 class Removal {
 public:
@@ -103,11 +88,18 @@ private:
         std::vector<User> list = users(scale);
         if (std::erase_if(list, [&](User const& user) { return user.dataset == dataset; }) == 0) return;
         need(H5Adelete(scale, users_of) >= 0);
-        if (list.empty()) return;
+        if (list.empty()) return remove_ours(scale);
         hsize_t const n = list.size();
         Handle const space(H5Screate_simple(1, &n, nullptr), H5Sclose), type = user_type();
         Handle const attribute(H5Acreate2(scale, users_of, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
         need(attribute && H5Awrite(attribute, type, list.data()) >= 0);
+    }
+
+    /// A scale that vkt made goes with the last dataset that named it.
+    void remove_ours(hid_t scale) const {
+        std::array<char, 4096> name{};
+        if (!has(scale, our_scale) || H5Iget_name(scale, name.data(), name.size()) <= 0) return;
+        need(H5Ldelete(file_, name.data(), H5P_DEFAULT) >= 0);
     }
 
     hid_t file_;
