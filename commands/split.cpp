@@ -39,8 +39,9 @@ public:
 private:
     static StackAxis found_out(std::string const& path, Context& context) {
         std::error_code failed;
-        bool const again = matching_files(path).size() > 1 || std::filesystem::is_regular_file(path, failed) ||
-                           std::filesystem::is_directory(path, failed);
+        std::string const file = file_part(path).file;
+        bool const again = matching_files(path).size() > 1 || std::filesystem::is_regular_file(file, failed) ||
+                           std::filesystem::is_directory(file, failed);
         if (!again)
             throw Error(ErrorKind::usage,
                         text("'", path, "' can be read only once, and may hold one volume or several"),

@@ -421,6 +421,36 @@ END
     fails_with 3 "needs a file" vkt read - < <(cat attached.nrrd)
 }
 
+@test "bytes behind the last voxel of NRRD and MetaImage are told, plain and compressed; damage in them is an error" {
+    /usr/bin/python3 - <<'END'
+import gzip, zlib
+voxels = bytes(range(60))
+nrrd = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 5 4 3\nencoding: %s\n\n"
+meta = b"NDims = 3\nDimSize = 5 4 3\nElementType = MET_UCHAR\nCompressedData = %s\nElementDataFile = LOCAL\n"
+for name, more in ("good", b""), ("few", b"xyz"), ("one", b"x"), ("many", b"xyz" * 200000):
+    all = voxels + more
+    for path, content in ((name + "_raw.nrrd", nrrd % b"raw" + all), (name + "_gzip.nrrd", nrrd % b"gzip" + gzip.compress(all)),
+                          (name + "_raw.mha", meta % b"False" + all), (name + "_zlib.mha", meta % b"True" + zlib.compress(all))):
+        open(path, "wb").write(content)
+        open(path.replace(name, "bad_" + name), "wb").write(content[:-3] + bytes([content[-3] ^ 1]) + content[-2:])
+open("sum", "w").write(str(sum(voxels)))
+END
+    for kind in raw.nrrd gzip.nrrd raw.mha zlib.mha; do
+        vkt stats good_$kind 2>err | grep -q "sum *$(cat sum)$"
+        [ ! -s err ]
+        vkt stats few_$kind 2>err | grep -q "sum *$(cat sum)$"
+        grep -q "vkt stats: 'few_$kind' holds 3 bytes more than the voxels that its header names: not read" err
+        vkt read many_$kind -o many.raw --force 2>err
+        cmp -n 60 many.raw good_raw.mha 0 "$(($(stat -c %s good_raw.mha) - 60))"
+        grep -q "holds 600000 bytes more" err
+        vkt stats one_$kind --quiet 2>err >told
+        [ ! -s err ]
+        vkt stats one_$kind 2>&1 >told | grep -q 'holds 1 byte more'
+    done
+    fails_with 3 damaged vkt stats bad_many_gzip.nrrd
+    fails_with 3 damaged vkt stats bad_many_zlib.mha
+}
+
 @test "matrix rows of MetaImage that are not unit vectors scale the spacing, as in ITK" {
     python_with SimpleITK
     /usr/bin/python3 - <<'END'

@@ -273,7 +273,7 @@ END
     fails_with 4 'the file exists' vkt write int16.h5 h.h5
     fails_with 4 'the file exists' vkt read int16.h5 -o h.h5:/other
     fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt write int16.h5 - --format hdf5 | cat'
-    fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
+    fails_with 2 'names no dataset: a name in it is empty' vkt read int16.h5 -o 'x.h5:/a//b'
     vkt read int16.h5 | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.h5
     [ ! -e cut.h5 ]
@@ -309,7 +309,7 @@ for name, said in series.items():
         os.rename(name + ".h5", "o.h5")
         with h5py.File("o.h5") as f:
             d = f[f"g/{name}"]
-            assert list(f["g"]) == [name] and d.shape == want.shape and (d[...] == want).all() and d.chunks[:-3] == (1,) * (d.ndim - 3), (name, d.chunks)
+            assert [n for n in f["g"] if f["g"][n].attrs.get("CLASS") != b"DIMENSION_SCALE"] == [name] and d.shape == want.shape and (d[...] == want).all() and d.chunks[:-3] == (1,) * (d.ndim - 3), (name, d.chunks)
             assert d.maxshape == (None,) + want.shape[1:] and (d.compression == "gzip") == (layout == "--compress")
             axes = name if len(name) < 3 else "t"
             assert [n.label for n in d.dims] == [*axes, "z", "y", "x"]
@@ -337,6 +337,151 @@ assert (got == data.transpose(1, 4, 0, 2, 3)).all()
 END
     vkt make noise --dims 4 4 4 -o small.vkt
     fails_with 2 'different dims' sh -c 'cat t.vkt small.vkt | vkt write - mixed.h5'
+}
+
+@test "replacing a dataset leaves no reference without its object; what refers to it, or is of a later HDF5, is refused" {
+    vkt make ramp --dims 5 4 3 --dtype uint8 -o a.nrrd
+    cat >scales.py <<'END'
+import h5py, numpy, sys
+name, version = sys.argv[1:]
+with h5py.File(name, "w", libver=version) as f:
+    f["records"] = numpy.zeros(10, dtype=[("a", "i4"), ("b", "f8")])
+    for scale, n in ("x", 5), ("y", 4), ("alone", 3):
+        f[scale] = numpy.arange(float(n)); f[scale].make_scale(scale)
+    for data in "d", "e":
+        f[data] = numpy.zeros((4, 5)); f[data].dims[1].attach_scale(f["x"])
+    f["d"].dims[0].attach_scale(f["y"])
+    f["plain"] = numpy.zeros((4, 5)); f["other name"] = f["x"]
+END
+    for version in earliest v110; do
+        /usr/bin/python3 scales.py k.h5 $version
+        cp k.h5 kept.h5
+        # Of a name among two the scale itself stays.
+        vkt convert a.nrrd "k.h5:/other name" --force
+        vkt diff a.nrrd "k.h5:/other name"
+        cp k.h5 kept.h5
+        fails_with 2 "'/x' is a scale of dimensions that 2 other datasets name as theirs" vkt convert a.nrrd k.h5:/x --force
+        [[ "$stderr" == *"another name: -o k.h5:/x_new"* ]]
+        cmp k.h5 kept.h5
+        for name in d alone records plain; do vkt convert a.nrrd k.h5:/$name --force; done
+        /usr/bin/python3 -c '
+import h5py
+f = h5py.File("k.h5")
+assert [f[r[0]].name for r in f["x"].attrs["REFERENCE_LIST"]] == ["/e"] and "REFERENCE_LIST" not in f["y"].attrs
+assert f["e"].dims[1][0] == f["x"] and f["d"].shape == (3, 4, 5)'
+        vkt convert a.nrrd k.h5:/e --force
+        vkt convert a.nrrd k.h5:/x --force # which nobody uses any more
+        vkt diff a.nrrd k.h5:/x
+    done
+    # In the latest layout a dataset of one chunk has an index of its own.
+    vkt make noise --dims 12 11 10 --seed 1 -o one.nrrd
+    vkt make noise --dims 140 130 40 --seed 1 -o many.nrrd
+    for version in earliest v108 v110 latest; do
+        /usr/bin/python3 scales.py k.h5 $version
+        for volume in one many; do
+            vkt convert $volume.nrrd k.h5:/$volume --force
+            vkt diff $volume.nrrd k.h5:/$volume
+            vkt stack $volume.nrrd $volume.nrrd | vkt write - k.h5:/series --force
+            vkt split k.h5:/series -o "part%d.nrrd" --force
+            vkt diff part1.nrrd $volume.nrrd
+        done
+    done
+    PYTHONPATH="$VKT_BUILD/hdf5plugin" /usr/bin/python3 scales.py k.h5 latest || skip "no later h5py in $VKT_BUILD/hdf5plugin"
+    cp k.h5 kept.h5
+    # Whether this library is too old, or knows what it replaces: never half of it.
+    for name in records d x; do
+        if vkt convert a.nrrd k.h5:/$name --force 2>err; then vkt diff a.nrrd k.h5:/$name; cp kept.h5 k.h5; continue; fi
+        [ "$(wc -l <err)" = 2 ]
+        grep -Eq "cannot replace '/$name', which a later one may have written|scale of dimensions" err
+        cmp k.h5 kept.h5
+    done
+}
+
+# series NAME…: three channels at two times, written to each of these.
+series() {
+    for c in 0 1 2; do for t in 0 1; do
+        vkt make noise --dims 6 5 4 --dtype int16 --seed $c$t | vkt set --spacing 1,2,3 --origin 10,20,30 --attribute channel=c$c \
+            --attribute "sequence position=$t.5" --attribute 'sequence step=1' --attribute 'sequence units="s"' --attribute 'space units="mm" "mm" "mm"'
+    done; done >s.vkt
+    for name; do vkt write s.vkt "$name" --force; done
+}
+
+@test "dimensions of a series have scales, which go with it" {
+    /usr/bin/python3 -c '
+import h5py, numpy
+with h5py.File("s.h5", "w") as f: f["y"] = numpy.arange(7)' # of somebody else
+    series s.h5:/data s.h5:/g/vol s.h5:/g/second
+    for name in data g/vol g/second; do vkt diff s.vkt s.h5:/$name; done
+    vkt info s.h5:/data >told
+    run ! grep 'not read' told
+    vkt info s.h5 --json | grep -q '"variables": *"/data /g/second /g/vol"'
+    cat >scales.py <<'END'
+import h5py
+f = h5py.File("s.h5")
+assert sorted(f) == ["c", "data", "data_y", "g", "t", "x", "y", "z"], list(f)
+assert sorted(f["g"]) == sorted(["second", "vol", *"ctxyz"] + ["second_" + n for n in "ctxyz"]), list(f["g"])
+for name, prefix in ("data", ""), ("g/vol", ""), ("g/second", "second_"):
+    d = f[name]
+    assert d.maxshape[0] is None and [s.label for s in d.dims] == list("ctzyx")
+    for k, axis in enumerate("ctzyx"):
+        scale = d.dims[k][0]
+        assert scale.attrs["CLASS"] == b"DIMENSION_SCALE" and scale.shape == (d.shape[k],) and scale.maxshape == (d.maxshape[k],), (name, axis)
+        assert scale.name.split("/")[-1] == ("data_y" if name == "data" and axis == "y" else prefix + axis), scale.name
+        assert [(f[r[0]], r[1]) for r in scale.attrs["REFERENCE_LIST"]] == [(d, k)]
+    assert list(d.dims[0][0].asstr()) == ["c0", "c1", "c2"] and list(d.dims[1][0]) == [0.5, 1.5] and d.dims[1][0].attrs["units"] == b"s"
+    assert list(d.dims[2][0]) == [30, 33, 36, 39] and list(d.dims[4][0]) == [10, 11, 12, 13, 14, 15] and d.dims[4][0].attrs["units"] == b"mm"
+END
+    /usr/bin/python3 scales.py
+    # Again and again: nothing is left, and nobody else's goes.
+    series s.h5:/data s.h5:/g/second s.h5:/data
+    /usr/bin/python3 scales.py
+    vkt make ramp --dims 5 4 3 | vkt write - s.h5:/data --force
+    /usr/bin/python3 -c '
+import h5py
+f = h5py.File("s.h5"); assert sorted(f) == ["data", "g", "y"] and list(f["y"]) == list(range(7)) and "second_x" in f["g"], list(f)'
+    # Axes that are turned, and times that nobody states, have names alone.
+    for i in 1 2; do vkt make noise --dims 6 5 4 --seed $i; done | vkt set --direction 0,1,0,1,0,0,0,0,1 -o turned.h5
+    /usr/bin/python3 -c '
+import h5py
+d = h5py.File("turned.h5")["data"]
+assert [s[0].attrs["NAME"].startswith(b"This is a netCDF dimension but not a netCDF variable") for s in d.dims] == [True] * 4'
+}
+
+@test "xarray opens a series: names, coordinates and units of its dimensions" {
+    export PYTHONPATH="$VKT_BUILD/xarray:$VKT_BUILD/hdf5plugin"
+    /usr/bin/python3 -c 'import xarray, h5netcdf' 2>/dev/null || skip "no xarray: pip install --no-deps --target $VKT_BUILD/xarray h5netcdf xarray packaging pandas"
+    series s.h5 g.h5:/g/vol
+    /usr/bin/python3 - <<'END'
+import subprocess, sys, warnings
+warnings.simplefilter("ignore")
+for other in "dask", "dask.array", "scipy": sys.modules[other] = None # the system's, of another NumPy
+import numpy, xarray
+want = subprocess.check_output("vkt write s.vkt - --format raw", shell=True)
+for name, group, data in ("s.h5", None, "data"), ("g.h5", "g", "vol"):
+    s = xarray.open_dataset(name, engine="h5netcdf", group=group)
+    d = s[data]
+    assert d.dims == tuple("ctzyx") and set(s.coords) == set("ctzyx") and d.values.tobytes() == want, s.sizes
+    assert d.sel(c="c1", t=1.5, x=12, y=20, z=39).item() == numpy.frombuffer(want, "i2").reshape(3, 2, 4, 5, 6)[1, 1, 3, 0, 2]
+    assert s.t.attrs["units"] == "s" and s.x.attrs["units"] == "mm"
+END
+}
+
+@test "a dataset without a name is no folder of slices; names are no way out of a file" {
+    vkt make ramp --dims 5 4 3 --dtype uint8 -o a.nrrd
+    for name in / /g/ // /g//; do
+        fails_with 2 "'x.h5:$name' names no dataset: its name is missing" vkt convert a.nrrd -o x.h5:$name
+        [[ "$stderr" == *"e.g. -o x.h5:/group/volume"* ]]
+    done
+    fails_with 2 "its name is missing" vkt convert a.nrrd -o x.nc:/ --force
+    for name in /.. /../a /g/../a /./a /a/.; do
+        fails_with 2 "is no name" vkt convert a.nrrd -o x.h5:$name
+    done
+    [ -z "$(find . -name "x*" -o -name evil)" ]
+    vkt convert a.nrrd -o x.h5:/..g/a..b
+    vkt diff a.nrrd x.h5:/..g/a..b
+    # A folder is still one.
+    vkt convert a.nrrd -o folder:/
+    [ -d folder: ]
 }
 
 @test "a dataset that is named leaves the others of its file, which is replaced whole, or not at all" {

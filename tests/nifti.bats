@@ -221,6 +221,46 @@ header = nibabel.load("u.nii").header
 assert header.get_zooms()[3] == 1.5 and header["toffset"] == 0.5 and header.get_xyzt_units() == ("mm", "sec"), header'
 }
 
+@test "channels lie along a fifth axis, with times or without; channels inside of times are told" {
+    python_with nibabel
+    for c in 0 1 2; do for t in 0 1; do
+        vkt make noise --dims 6 5 4 --dtype int16 --seed $c$t | vkt set --attribute channel=$c --attribute "sequence position=$t.5" \
+            --attribute 'sequence step=1' --attribute 'space units="mm" "mm" "mm"' -o v$c$t.vkt
+    done; done
+    cat v00.vkt v01.vkt v10.vkt v11.vkt v20.vkt v21.vkt >outer.vkt
+    cat v00.vkt v10.vkt v20.vkt v01.vkt v11.vkt v21.vkt >inner.vkt
+    cat v00.vkt v10.vkt v20.vkt >alone.vkt
+    cat v00.vkt v01.vkt v10.vkt >part.vkt
+    for end in nii nii.gz hdr; do
+        vkt write outer.vkt outer.$end 2>err
+        [ ! -s err ]
+        vkt read outer.$end -o back.vkt --force
+        vkt diff outer.vkt outer.$end
+        for file in outer back; do
+            vkt info $file.vkt --json | grep -v '"history"' | grep -o '"channel": *"[^"]*"\|"sequence [a-z]*": *"[^"]*"\|"dims": *[^]]*]' >$file.said
+        done
+        [ "$(grep -c '"sequence position": *"1.5"' outer.said)" = 3 ]
+        diff outer.said back.said
+        for name in inner alone; do vkt write $name.vkt $name.$end 2>$name.err; vkt diff $name.vkt $name.$end; done
+        [ "$(grep -c 'differ between its volumes (.*channel.*sequence position.*): not kept' inner.err)" = 1 ]
+        fails_with 2 'no full grid' vkt write part.vkt part.$end
+        [ ! -e part.$end ]
+        /usr/bin/python3 - $end <<'END'
+import nibabel, numpy, subprocess, sys
+end = sys.argv[1]
+for name, shape in ("outer", (6, 5, 4, 2, 3)), ("inner", (6, 5, 4, 6)), ("alone", (6, 5, 4, 1, 3)):
+    file = nibabel.load(f"{name}.{end}")
+    assert file.shape == shape, (name, file.shape)
+    want = subprocess.check_output(f"vkt write {name}.vkt - --format raw", shell=True)
+    assert numpy.asanyarray(file.dataobj).tobytes("F") == want, name
+    if name == "outer": assert file.header["toffset"] == 0.5 and file.header.get_zooms()[3] == 1, file.header
+END
+    done
+    # Of vectors at several times the intent is true.
+    cat outer.vkt | vkt edit --attribute intent_code=1007 -o vectors.nii
+    [ "$(vkt info vectors.nii --json | grep -c '"intent_code": *"1007"')" = 6 ]
+}
+
 @test "samples from scanners equal nibabel's" {
     needs_data nifti/example4d.nii.gz
     compare "$VKT_DATA"/nifti/*
@@ -365,9 +405,15 @@ image.set_sform(numpy.diag([1, 2, 3, 1]), 4)
 image.header.extensions.append(Nifti1Extension("comment", b"scanned upside down"))
 image.header.extensions.append(Nifti1Extension("comment", b"and twice"))
 image.header.extensions.append(Nifti1Extension("afni", b"<AFNI_attributes/>"))
+image.header["slice_code"] = 3; image.header["slice_end"] = 4; image.header["slice_duration"] = 0.25
+image.header.set_dim_info(freq=0, phase=1, slice=2)
 nibabel.save(image, "foreign.nii")
+nibabel.save(nibabel.Nifti2Image(image.dataobj, image.affine, nibabel.Nifti2Header.from_header(image.header)), "two.nii")
 END
     vkt info foreign.nii >info
+    for file in foreign.nii two.nii; do
+        vkt info $file | grep -q 'not read *how the scanner took its slices: slice_code 3, slice_end 4, slice_duration 0.25, dim_info 57'
+    done
     grep -q 'comment: scanned upside down' info
     grep -q 'not read *an extension of 24 bytes, code 4' info
     grep -q 'not read *a qform that places the volume elsewhere than its sform' info

@@ -105,6 +105,38 @@ END
     fails_with 3 'is a ZIP archive' vkt info x.zip
 }
 
+@test "names of arrays are no way out of an archive, neither written nor read" {
+    vkt make ramp --dims 5 4 3 --dtype uint8 -o a.nrrd
+    for name in '' / a/ ../; do
+        fails_with 2 "'x.npz:$name' names no array: its name is missing" vkt convert a.nrrd -o x.npz:$name
+    done
+    for name in .. ../a a/../b . a/./b; do
+        fails_with 2 "is no name" vkt convert a.nrrd -o x.npz:$name --force
+        [[ "$stderr" == *"e.g. -o x.npz:name"* ]]
+    done
+    for name in /a a//b; do fails_with 2 "a name in it is empty" vkt convert a.nrrd -o x.npz:$name; done
+    [ -z "$(find . -name "x*" -o -name evil)" ]
+    vkt convert a.nrrd -o x.npz:g/..a
+    vkt diff a.nrrd x.npz:g/..a
+    # Another program's archive with such names is read, and what is made of it lies where it is to.
+    mkdir -p in/side
+    /usr/bin/python3 -c '
+import io, numpy, zipfile
+with zipfile.ZipFile("in/side/bad.npz", "w") as z:
+    for name in ("../../evil", "/tmp/vkt-evil", "good"):
+        b = io.BytesIO(); numpy.save(b, numpy.arange(60, dtype="u1").reshape(3, 4, 5)); z.writestr(name + ".npy", b.getvalue())'
+    cd in/side
+    for name in ../../evil /tmp/vkt-evil; do
+        vkt split bad.npz:$name -o 's%d.nrrd' --force
+        vkt convert bad.npz:$name v.h5 --force
+        vkt read bad.npz --variable $name | vkt write - v.vtk --force
+        vkt stack s0.nrrd s1.nrrd -o 'n%d.vti' --force
+    done 2>/dev/null
+    [ "$(ls | tr '\n' ' ')" = "bad.npz n0.vti s0.nrrd s1.nrrd s2.nrrd v.h5 v.vtk " ]
+    [ -z "$(find ../.. -name '*evil*')" ]
+    [ ! -e /tmp/vkt-evil ]
+}
+
 @test "an array that is named leaves the others of its archive, which is replaced whole, or not at all" {
     vkt make noise --dims 12 11 10 --dtype uint16 --seed 1 -o a.nrrd
     vkt make noise --dims 9 8 7 --dtype float32 --seed 2 -o b.nrrd

@@ -111,6 +111,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/hdf5plugin/hdf5plugin ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/hdf5plugin hdf5plugin ||
         echo 'hdf5plugin could not be installed'
+    # What others make of HDF5, with that h5py.
+    [ -d build/xarray/xarray ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/xarray h5netcdf xarray packaging pandas ||
+        echo 'xarray and h5netcdf could not be installed'
     # Judges of the Python package and of segmentations.
     [ -d build/peers/slicerio ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers slicerio npe2 mypy scikit-build-core ||

@@ -181,7 +181,7 @@ END
 
 @test "axes of tifffile's own files, units that differ, thumbnails that come first" {
     /usr/bin/python3 - <<'END'
-import tifffile, numpy
+import struct, tifffile, numpy
 from voxels import *
 rng = numpy.random.default_rng(4)
 def write(name, data, **options): tifffile.imwrite(name, data, photometric="minisblack", **options)
@@ -219,10 +219,15 @@ tifffile.imwrite("whole.tif", data[0, 0], photometric="minisblack", metadata=Non
 whole = open("whole.tif", "rb").read()
 open("short.tif", "wb").write(whole[:-500])
 tifffile.imwrite("deep.tif", rng.integers(0, 9, (16, 32, 32)).astype("u1"), photometric="minisblack", tile=(16, 16, 16))
+# Of one slice by its ImageDepth, whose tiles hold more.
+deep = bytearray(open("deep.tif", "rb").read())
+at = deep.index(struct.pack("<HHI", 32997, 4, 1)); deep[at + 8:at + 12] = struct.pack("<I", 1)
+open("deep tiles.tif", "wb").write(deep)
 END
     vkt info thumbnail.tif | grep 'not read *page 0 (reduced or a mask) of 15 by 10 pixels'
     fails_with 3 "page 1 cannot be read" vkt info short.tif
     fails_with 3 "holds 16 slices in one (ImageDepth)" vkt info deep.tif
+    fails_with 3 "holds 16 slices in one (TileDepth)" vkt info 'deep tiles.tif'
 }
 
 @test "levels of pyramids, thumbnails, pages of another size and images of OME are read by their names" {

@@ -159,6 +159,51 @@ assert r.GetOutput().GetFieldData().GetAbstractArray("vkt_header").GetValue(0).s
 END
 }
 
+@test "channels are written as components if they are numbered, else as arrays; times are not" {
+    for i in 0 1 2; do vkt make noise --dims 40 30 20 --dtype int16 --seed $i | vkt set --spacing 1,2,3 --origin 4,5,6 --attribute note=kept -o v$i.nrrd; done
+    for i in 0 1 2; do vkt set v$i.nrrd --attribute channel=$i; done | vkt read - -o numbered.vkt
+    for i in 0 1 2; do vkt set v$i.nrrd --attribute channel="red & $i"; done | vkt read - -o named.vkt
+    for how in "" --compress; do
+        vkt write numbered.vkt numbered$how.vti $how 2>err
+        vkt write named.vkt named$how.vti $how 2>>err
+        [ ! -s err ]
+        for name in numbered named; do
+            vkt diff $name.vkt $name$how.vti
+            vkt read $name$how.vti -o back.vkt --force
+            diff <(vkt info $name.vkt --json | grep -v '"format"\|history\|vkt ') <(vkt info back.vkt --json | grep -v '"format"\|history\|vkt ')
+        done
+        vkt read named$how.vti --variable 'red & 1' | vkt diff - v1.nrrd
+    done
+    /usr/bin/python3 - <<'END'
+from common import *
+want = [numpy.frombuffer(subprocess.check_output(f"vkt write v{i}.nrrd - --format raw", shell=True), "i2") for i in range(3)]
+for how in "", "--compress":
+    for name in "numbered", "named":
+        r = vtkXMLImageDataReader(); r.SetFileName(f"{name}{how}.vti"); r.Update()
+        o = r.GetOutput(); points = o.GetPointData()
+        assert o.GetDimensions() == (40, 30, 20) and o.GetSpacing() == (1, 2, 3) and o.GetOrigin() == (4, 5, 6)
+        if name == "numbered":
+            assert points.GetNumberOfArrays() == 1 and points.GetScalars().GetNumberOfComponents() == 3
+            assert (numpy_support.vtk_to_numpy(points.GetScalars()).T == want).all()
+        else:
+            assert [points.GetArrayName(i) for i in range(3)] == [f"red & {i}" for i in range(3)]
+            for i in range(3): assert (numpy_support.vtk_to_numpy(points.GetArray(i)) == want[i]).all()
+END
+    vkt stack v0.nrrd v1.nrrd -o times.nrrd
+    fails_with 2 "a .vti file holds channels, no times" vkt convert times.nrrd times.vti
+    [[ "$stderr" == *"out_%04d.vti"* ]]
+    fails_with 2 "holds several volumes" vkt convert numbered.vkt x.pvti
+    fails_with 2 "their number comes first" bash -c 'set -o pipefail; vkt write numbered.vkt - --format vti | cat >/dev/null'
+    [ -z "$(find . -name 'times.vti' -o -name 'x.pvti' -o -name '.*vkt-*')" ]
+    # The map of values, which only vkt finds.
+    vkt set v0.nrrd --voxel-mapping -1024 3071 -o mapped.nrrd
+    for file in mapped.vti mapped.pvti; do
+        vkt convert mapped.nrrd $file 2>err
+        [ "$(grep -c 'other programs take the values of VTI files as they are stored' err)" = 1 ]
+        vkt diff mapped.nrrd $file
+    done
+}
+
 @test "legacy files: text and binary, types, several arrays, cells" {
     /usr/bin/python3 - <<'END'
 from common import *

@@ -36,6 +36,11 @@ bool is_one_file(Format const& format) {
     return format.name != "amrex" && format.name != "shm" && format.name != "zarr";
 }
 
+/// Names lead to what lies in a file: FILE:/GROUP/DATASET, FILE.npz:NAME.
+bool holds_parts(Format const& format) {
+    return format.name == "hdf5" || format.name == "npz" || format.name == "zarr";
+}
+
 Format const& by_format_name(std::string const& name) {
     std::vector<std::string> names;
     for (auto const& format : formats()) {
@@ -54,13 +59,15 @@ Format const* by_name(std::string const& name) {
     std::size_t longest = 0;
     if (is_segment(name)) return &by_format_name("shm");
     if (is_plotfile_name(name)) return &by_format_name("amrex");
-    if (name.ends_with('/') && !lower.ends_with(".zarr/")) return &by_format_name("dicom"); // a folder of slices
     for (auto const& format : formats())
         for (auto const& extension : format.extensions)
             if (lower.size() > extension.size() && lower.ends_with(extension) && extension.size() > longest) {
                 best = &format;
                 longest = extension.size();
             }
+    // A folder of slices, but not where the name of what lies in a file is left out.
+    if (name.ends_with('/') && !lower.ends_with(".zarr/") && !(best != nullptr && holds_parts(*best)))
+        return &by_format_name("dicom");
     if (best == nullptr && wrapper_of_name(name) != Wrapper::none)
         if (Format const* const inner = by_name(without_wrapper(name)); inner != nullptr && is_one_file(*inner))
             return inner;

@@ -31,6 +31,8 @@ struct ReadOptions {
     bool personal = false;      ///< DICOM: who was examined, when and where, too
     bool trust_paths = false;   ///< follow headers out of their directory, and to pipes and devices
     std::string asked_by{};     ///< for hints: the command that reads, "vkt info", if it takes none of the above
+    /// Told what is odd about a file and no error, in one line.
+    std::function<void(std::string const&)> notice{};
 
     /// True if anything is said about what the file holds.
     bool describes() const;

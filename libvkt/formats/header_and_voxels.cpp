@@ -6,7 +6,6 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/refusals.h"
-#include "libvkt/formats/series_axes.h"
 
 #include <cmath>
 #include <filesystem>
@@ -34,6 +33,7 @@ bool other_channel(Header const& header, Header const& first) {
 
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
     : format_(std::move(format)), options_(options) {
+    if (format_.channel_axis) axes_.emplace(format_.name + " file", format_.attached);
     std::string const name = lower_case(path);
     bool const detached = !format_.detached.empty() && name.ends_with(format_.detached);
     bool const packed = name.ends_with(".gz");
@@ -99,14 +99,31 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
                     "write a file, or one file each: " + each);
 }
 
+/// Channels inside of times, which no axis of these formats can say: their volumes are one series of all.
+bool HeaderAndVoxelsWriter::mixed() const {
+    if (!axes_) return false;
+    std::vector<SeriesAxis> const axes = axes_->axes();
+    return axes.size() > 1 && axes.front().time;
+}
+
+std::int64_t HeaderAndVoxelsWriter::channels() const {
+    std::vector<SeriesAxis> const axes = axes_ ? axes_->axes() : std::vector<SeriesAxis>{};
+    return axes.empty() || axes.front().time ? 1 : axes.front().size();
+}
+
 std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
+    Header first = first_;
+    if (mixed())
+        for (char const* const what : {"sequence position", "sequence step", "intent_code"})
+            first.attributes.erase(what);
     std::int64_t const compressed = !options_.compress ? -1 : deflate_ ? deflate_->bytes_written() : 0;
     bool const last_word = !header_file_ && data_file_->in_place();
-    return format_.text({first_, volumes_, compressed, data_name_, length, last_word});
+    return format_.text({first, volumes_, compressed, data_name_, length, last_word, channels()});
 }
 
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
+    if (axes_) axes_->add(header);
     data_file_->expect(deflate_ || options_.compress ? least_deflated(header.bytes()) : header.bytes());
     if (volumes_++ > 0) {
         // There is one line for all, in a header of a length that is fixed.
@@ -114,10 +131,7 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
         return;
     }
     first_ = in_utf8(header);
-    if (format_.private_values && !(header.values == ValueMap{}) && options_.notice)
-        options_.notice(text("other programs take the values of ", format_.name, " files as they are stored, here ",
-                             header.values.slope, " * stored + ", header.values.intercept,
-                             " is meant; to store what is meant: vkt convert --dtype float32"));
+    if (format_.private_values) tell_private_values(options_, header, format_.name);
     if (!header_file_) {
         std::string const head = header_text(0);
         header_length_ = head.size();
@@ -135,7 +149,7 @@ void HeaderAndVoxelsWriter::take_common(Header header) {
     bool const channels = other_channel(header, first_);
     // The number of a channel is its place.
     bool const numbered = first_.attributes.contains("channel") && first_.attributes["channel"] == "0";
-    if (!channels) {
+    if (!channels || axes_) {
         if (auto const at = first_.attributes.find("sequence position"); at != first_.attributes.end())
             header.attributes.insert_or_assign(at->first, at->second);
     } else {
@@ -149,6 +163,13 @@ void HeaderAndVoxelsWriter::take_common(Header header) {
 
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    if (axes_) axes_->finish();
+    if (mixed()) {
+        std::erase(differing_, "channel");
+        differing_.emplace_back("channel");
+        for (char const* const what : {"sequence position", "sequence step"})
+            if (first_.attributes.contains(what)) differing_.emplace_back(what);
+    }
     if (!differing_.empty() && options_.notice)
         options_.notice(text("one ", format_.name, " file does not hold attributes that differ between its volumes (",
                              join(differing_, ", "), "): not kept"));

@@ -4,6 +4,7 @@
 
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <optional>
@@ -19,6 +20,8 @@ struct HeaderText {
     std::string const& data; ///< name of the file with the voxels; empty if they follow
     std::size_t length;      ///< that an attached header must have; 0: as it comes, with room for what close() adds
     bool last_word;          ///< the file cannot be written to again, so no room is needed
+    /// Of formats with an axis for them: the volumes are as many channels, each at all times.
+    std::int64_t channels = 1;
 };
 
 /// How one format differs from the others.
@@ -32,6 +35,7 @@ struct HeaderFormat {
     std::string (*type_name)(DataType); ///< empty for types that the format does not have
     std::string (*text)(HeaderText const&);
     bool private_values = false; ///< the map of values is kept in a place that only vkt reads
+    bool channel_axis = false;   ///< channels lie along an axis of their own, outside of times
 };
 
 /// Volumes of one lattice become one file, of which NAME.gz is compressed as a whole, the header behind a block of
@@ -54,6 +58,8 @@ private:
     void check_volume(Header const& header) const;
     void take_common(Header header);
     std::string header_text(std::size_t length) const;
+    bool mixed() const;
+    std::int64_t channels() const;
 
     HeaderFormat format_;
     WriteOptions options_;
@@ -62,6 +68,7 @@ private:
     bool whole_ = false;    ///< compressed with its header
     std::optional<DeflateWriter> deflate_;
     Header first_;
+    std::optional<SeriesAxes> axes_; ///< of formats that have one for channels
     std::int64_t volumes_ = 0;
     std::vector<std::string> differing_; ///< attributes that not all volumes have alike
     std::size_t header_length_ = 0;

@@ -35,6 +35,7 @@ bool is_metaimage(std::span<std::byte const> head) {
 
 std::unique_ptr<Source> open_metaimage(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     RawLayout layout = metaimage_layout(read_metaimage_header(*bytes), options.trust_paths);
+    layout.notice = options.notice;
     return raw_source(std::move(bytes), std::move(layout));
 }
 

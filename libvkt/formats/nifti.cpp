@@ -126,6 +126,7 @@ std::unique_ptr<Sink> create_nifti(std::string const& path, WriteOptions const& 
                     text("write ", path.substr(0, path.size() - 4), ".hdr"));
     HeaderFormat format{"NIfTI", ".nii",          ".hdr",     ".img", "", DeflateWriter::Wrapper::gzip,
                         false,   nifti_type_name, nifti_bytes};
+    format.channel_axis = true;
     return slab_sink(std::make_unique<NiftiWriter>(std::move(format), path, options));
 }
 

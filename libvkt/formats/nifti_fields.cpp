@@ -186,6 +186,7 @@ private:
     void read_geometry(RawLayout& layout) const;
     void read_values(Header& volume) const;
     void read_attributes(RawLayout& layout) const;
+    void name_slices(RawLayout& layout) const;
     void find_voxels(RawLayout& layout) const;
     void use_ours(RawLayout& layout) const;
 
@@ -271,6 +272,19 @@ void Reader::read_attributes(RawLayout& layout) const {
     }
 }
 
+void Reader::name_slices(RawLayout& layout) const {
+    std::string words;
+    auto const add = [&](char const* name, double value) {
+        if (value != 0 && std::isfinite(value)) words += text(words.empty() ? "" : ", ", name, " ", to_text(value));
+    };
+    add("slice_code", static_cast<double>(f_.slice_code));
+    add("slice_start", static_cast<double>(f_.slice_start));
+    add("slice_end", static_cast<double>(f_.slice_end));
+    add("slice_duration", f_.slice_duration);
+    add("dim_info", static_cast<double>(f_.dim_info));
+    if (!words.empty()) layout.not_read.push_back("how the scanner took its slices: " + words);
+}
+
 /// Of a pair the voxels lie beside the header.
 void Reader::find_voxels(RawLayout& layout) const {
     layout.big_endian = header_.big_endian;
@@ -289,7 +303,7 @@ void Reader::use_ours(RawLayout& layout) const {
     Header const& ours = *header_.ours;
     bool unchanged = ours.kind == Kind::structured && ours.dims == layout.header.dims;
     try {
-        NiftiFields made = as_stored(nifti_fields(ours, layout.volumes), header_.version);
+        NiftiFields made = as_stored(nifti_fields(ours, layout.volumes, layout.channels), header_.version);
         made.vox_offset = f_.vox_offset;
         unchanged = unchanged && made == f_;
     } catch (Error const&) {
@@ -306,7 +320,7 @@ void Reader::use_ours(RawLayout& layout) const {
     layout.header = ours;
     layout.header.dry_run = layout.header.timing = false;
     layout.sequence.reset();
-    if (layout.volumes < 2) return;
+    if (layout.volumes / layout.channels < 2) return;
     auto const number = [&](char const* key) {
         auto const found = ours.attributes.find(key);
         return found == ours.attributes.end() ? std::nullopt : number_in(found->second);
@@ -323,6 +337,7 @@ RawLayout Reader::layout() const {
     read_geometry(layout);
     read_values(layout.header);
     read_attributes(layout);
+    name_slices(layout);
     find_voxels(layout);
     use_ours(layout);
     layout.header = in_utf8(std::move(layout.header));
@@ -473,15 +488,17 @@ void find_image(RawLayout& layout, std::string const& header_name, bool trust_pa
 
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }
 
-NiftiFields nifti_fields(Header const& volume, std::int64_t volumes) {
+NiftiFields nifti_fields(Header const& volume, std::int64_t volumes, std::int64_t channels) {
     Header const header = in_one_unit(volume);
     NiftiFields f;
     double const intent = number_of(header, "intent_code").value_or(0);
-    bool const vectors = volumes > 1 && !number_of(header, "sequence step") &&
-                         (intent == vector_intent || intent == displacement_intent);
-    bool const series = volumes > 1 && !vectors;
-    f.dim = {series ? 4 : 3, header.dims.x, header.dims.y, header.dims.z, volumes, 1, 1, 1};
-    if (vectors) f.dim = {5, header.dims.x, header.dims.y, header.dims.z, 1, volumes, 1, 1};
+    // Vectors whose components nobody numbers.
+    if (channels == 1 && !number_of(header, "sequence step") &&
+        (intent == vector_intent || intent == displacement_intent))
+        channels = volumes;
+    std::int64_t const times = volumes / channels;
+    bool const series = times > 1;
+    f.dim = {channels > 1 ? 5 : series ? 4 : 3, header.dims.x, header.dims.y, header.dims.z, times, channels, 1, 1};
     for (auto const& entry : type_codes)
         if (entry.type == header.dtype) f.datatype = entry.code;
     f.bitpix = static_cast<std::int64_t>(8 * size_of(header.dtype));

@@ -6,8 +6,9 @@
 
 namespace vkt {
 
-/// All but vox_offset, of one volume or of a series. Throws Error{usage} for what the format cannot hold.
-NiftiFields nifti_fields(Header const& header, std::int64_t volumes);
+/// All but vox_offset, of one volume or of a series, whose volumes are as many channels at all times each. Throws
+/// Error{usage} for what the format cannot hold.
+NiftiFields nifti_fields(Header const& header, std::int64_t volumes, std::int64_t channels);
 
 /// With the precision of the version.
 NiftiFields as_stored(NiftiFields const& fields, int version);

@@ -54,6 +54,11 @@ template <class Fields, class Visit> void visit(Fields& f, int version, Visit co
     for (std::size_t i = 0; i < 3; ++i) v.real(f.qoffset[i], at(268, 376) + i * real, real);
     for (std::size_t i = 0; i < 12; ++i) v.real(f.srow[i], at(280, 400) + i * real, real);
     v.words(f.intent_name, at(328, 508), 16);
+    v.integer(f.slice_code, at(122, 496), two ? 4 : 1);
+    v.integer(f.slice_start, at(74, 224), whole);
+    v.integer(f.slice_end, at(120, 232), whole);
+    v.real(f.slice_duration, at(132, 208), real);
+    v.integer(f.dim_info, at(39, 524), 1);
 }
 
 std::uint64_t bits_at(std::span<std::byte const> bytes, std::size_t at, std::size_t n, bool big_endian) {
@@ -65,7 +70,7 @@ std::uint64_t bits_at(std::span<std::byte const> bytes, std::size_t at, std::siz
 
 std::int64_t integer_at(std::span<std::byte const> bytes, std::size_t at, std::size_t n, bool big_endian) {
     std::uint64_t const bits = bits_at(bytes, at, n, big_endian);
-    if (n == 1) return static_cast<std::int64_t>(bits); // the only field of one byte is a set of bits
+    if (n == 1) return static_cast<std::int64_t>(bits); // sets of bits, and codes
     unsigned const unused = static_cast<unsigned>(64 - 8 * n);
     return static_cast<std::int64_t>(bits << unused) >> unused;
 }
@@ -233,7 +238,7 @@ std::string nifti_bytes(HeaderText const& h) {
         throw Error(ErrorKind::usage, "a NIfTI-1 file holds at most 32767 volumes",
                     "write one file each: name it like out_%05d.nii");
     std::string bytes(version == 1 ? size1 : size2, '\0');
-    NiftiFields fields = nifti_fields(h.first, h.volumes);
+    NiftiFields fields = nifti_fields(h.first, h.volumes, h.channels);
     Header kept = h.first;
     if (kept.history) kept.history = folded(*kept.history, most_history_steps, 400'000);
     std::string extension = padded(std::string(extension_mark) + to_json(kept));

@@ -25,6 +25,9 @@ struct NiftiFields {
     std::int64_t intent_code = 0;
     std::array<double, 3> intent_p{};
     std::string intent_name, descrip, aux_file;
+    /// How the scanner went through the slices, and which axes it encoded: told and not kept, since voxels move.
+    std::int64_t slice_code = 0, slice_start = 0, slice_end = 0, dim_info = 0;
+    double slice_duration = 0;
 
     friend bool operator==(NiftiFields const&, NiftiFields const&) = default;
 };

@@ -136,7 +136,8 @@ std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions 
 class NpzWriter : public VolumeWriter {
 public:
     NpzWriter(std::string const& path, WriteOptions const& options)
-        : options_(options), file_(file_part(path).file, options.force), name_(file_part(path).part), zip_(file_) {
+        : options_(options), name_(part_to_write(path, "array", "name")), file_(file_part(path).file, options.force),
+          zip_(file_) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': NumPy archives cannot be written to a pipe"),
                         "write .npy, or name a file: -o out.npz");
@@ -209,8 +210,8 @@ private:
     }
 
     WriteOptions options_;
-    OutputFile file_;
     std::string name_, no_file_;
+    OutputFile file_;
     ZipWriter zip_;
     bool keeps_others_ = false;
     std::int64_t begin_ = 0; ///< of the array in the file

@@ -24,6 +24,7 @@ bool is_nrrd(std::span<std::byte const> head) { return head.size() >= 8 && std::
 
 std::unique_ptr<Source> open_nrrd(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     RawLayout layout = nrrd_layout(read_nrrd_header(*bytes), options.trust_paths);
+    layout.notice = options.notice;
     return raw_source(std::move(bytes), std::move(layout));
 }
 

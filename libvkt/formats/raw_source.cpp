@@ -70,6 +70,7 @@ private:
     void open(std::size_t file);
     void start_stream(std::size_t file);
     void end_stream();
+    void tell_surplus(std::string const& name, std::int64_t bytes) const;
     void fetch(std::int64_t position, std::byte* to, std::int64_t n);
     void fetch_random(std::int64_t position, std::byte* to, std::int64_t n);
     void fetch_forward(std::int64_t position, std::byte* to, std::int64_t n);
@@ -137,7 +138,11 @@ void RawSource::check_size(std::string const& name, std::int64_t available) cons
 
 void RawSource::check_sizes() {
     if (layout_.files.empty()) {
-        if (bytes_->seekable()) check_size(name_, bytes_->size() - bytes_->position());
+        if (!bytes_->seekable()) return;
+        std::int64_t const available = bytes_->size() - bytes_->position();
+        check_size(name_, available);
+        if (random_ && layout_.byte_skip >= 0 && layout_.line_skip == 0)
+            tell_surplus(name_, available - layout_.byte_skip - share_);
         return;
     }
     for (auto const& file : layout_.files) {
@@ -191,7 +196,14 @@ void RawSource::start_stream(std::size_t file) {
     }
 }
 
-/// Proves that the encoded file is whole: checksums stand behind the last voxel.
+/// Others read such files and say nothing; but a header may name too few voxels.
+void RawSource::tell_surplus(std::string const& name, std::int64_t bytes) const {
+    if (bytes > 0 && layout_.notice)
+        layout_.notice(text("'", name, "' holds ", bytes, bytes == 1 ? " byte" : " bytes",
+                            " more than the voxels that its header names: not read"));
+}
+
+/// Proves that the encoded file is whole: checksums stand behind the last voxel, and behind what follows it.
 void RawSource::end_stream() {
     bool const decoded = bytes_->decoded();
     if (!stream_ || (layout_.encoding == Encoding::raw && !layout_.exact && !decoded)) return;
@@ -205,6 +217,10 @@ void RawSource::end_stream() {
                          surplus == rest.size() ? "at least " : "", share_ + static_cast<std::int64_t>(surplus),
                          " found"),
                     "say the right --dims, --dtype and --skip");
+    if (!skips_decoded()) return;
+    auto total = static_cast<std::int64_t>(surplus);
+    while (std::size_t const more = stream_->read(rest.data(), rest.size())) total += static_cast<std::int64_t>(more);
+    tell_surplus(bytes_->name(), total);
 }
 
 void RawSource::ended_early(std::int64_t got) const {

@@ -7,6 +7,7 @@
 #include "libvkt/formats/format.h"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -32,6 +33,9 @@ struct RawLayout {
     std::int64_t byte_skip = 0;
     bool exact = false;                ///< bytes behind the last voxel are an error
     std::vector<std::string> not_read; ///< what else the file holds, for people
+    /// Told of bytes behind the last voxel, in one line, where they are no error: of the file that was opened, and of
+    /// those whose encoding says where they end.
+    std::function<void(std::string const&)> notice;
 };
 
 /// Access::random if everything is a regular file of encoding raw, reading only the bytes that a region needs, or if

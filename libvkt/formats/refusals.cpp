@@ -35,6 +35,30 @@ void refuse_bricks_and_series(Header const& header, bool& begun, std::string_vie
     refuse_series(begun, file, extension);
 }
 
+void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format) {
+    if (header.values == ValueMap{} || !options.notice) return;
+    options.notice(text("other programs take the values of ", format, " files as they are stored, here ",
+                        header.values.slope, " * stored + ", header.values.intercept,
+                        " is meant; to store what is meant: vkt convert --dtype float32"));
+}
+
+std::string part_to_write(std::string const& path, std::string_view what, std::string_view example) {
+    auto const [file, part] = file_part(path);
+    std::string const hint = text("e.g. -o ", shell_quoted(text(file, ":", example)));
+    // That of HDF5 begins with a slash, which is no part of a name.
+    std::size_t const begin = example.starts_with('/') && part.starts_with('/') ? 1 : 0;
+    if (file == path) return {};
+    if (part.size() == begin || part.ends_with('/'))
+        throw Error(ErrorKind::usage, text("'", path, "' names no ", what, ": its name is missing"), hint);
+    for (std::string const& name : split(part.substr(begin), '/'))
+        if (name.empty() || name == "." || name == "..")
+            throw Error(ErrorKind::usage,
+                        text("'", path, "' names no ", what, ": ",
+                             name.empty() ? "a name in it is empty" : text("'", name, "' is no name")),
+                        hint);
+    return part;
+}
+
 namespace {
 
 /// "the attributes a, b, c and 4 more".

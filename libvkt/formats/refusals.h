@@ -22,9 +22,18 @@ void refuse_series(bool& begun, std::string_view file, std::string_view extensio
 void refuse_bricks_and_series(Header const& header, bool& begun, std::string_view what, std::string_view file,
                               std::string_view extension);
 
+/// Of an output that is a part of a file, its name there, empty if `path` is the file itself: `what` is "dataset",
+/// `example` a good name, as it follows the colon. Throws Error{usage} for names that are missing, and for those that
+/// are no way down from the root of a file (an empty part, "." or ".."), which programs that make files of what they
+/// find would follow anywhere.
+std::string part_to_write(std::string const& path, std::string_view what, std::string_view example);
+
 /// What a user has to say of bare voxels that no name describes: the options that are missing, or the command that
 /// takes them where the one that asked has none.
 std::string raw_description(std::string const& name, ReadOptions const& options, std::string_view missing);
+
+/// For formats whose map of values only vkt finds, "NRRD": says so of a header that has one.
+void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format);
 
 /// What a format has places for.
 struct Kept {

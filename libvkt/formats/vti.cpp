@@ -7,6 +7,7 @@
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/tree_file.h"
 #include "libvkt/formats/vti_file.h"
@@ -21,8 +22,11 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 
+#include <fcntl.h>
 #include <omp.h>
+#include <unistd.h>
 
 namespace vkt {
 namespace {
@@ -68,6 +72,7 @@ public:
     }
 
     bool next_volume() override {
+        if (series_) return next_array();
         if (index_ + 1 >= wanted_.components) return false;
         ++index_;
         if (wanted_.components > 1) header_.attributes["channel"] = to_text(index_);
@@ -101,6 +106,20 @@ private:
         std::unique_ptr<VtiData> data;
     };
 
+    /// Of a series that vkt wrote.
+    bool next_array() {
+        if (array_ + 1 >= arrays().size()) return false;
+        wanted_ = arrays()[++array_];
+        index_ = 0;
+        for (Part& part : parts_) {
+            part.data.reset();
+            part.own.reset();
+        }
+        header_.attributes["channel"] = wanted_.name;
+        header_ = in_utf8(std::move(header_));
+        return true;
+    }
+
     [[noreturn]] void fail(std::string const& what) const {
         throw Error(ErrorKind::data, text("'", main_->structure.name, "': ", what));
     }
@@ -131,13 +150,17 @@ private:
         if (all.empty())
             fail(text("holds no array of numbers",
                       s.not_read.empty() ? "" : text(", but ", s.not_read.front(), ", which is not read")));
-        if (options.variable.empty() && all.size() > 1) {
+        auto const alike = [&](VtiArray const& a) {
+            return !a.cells && a.components == 1 && s.ours && a.type == s.ours->dtype;
+        };
+        series_ = options.variable.empty() && all.size() > 1 && std::all_of(arrays().begin(), arrays().end(), alike);
+        if (options.variable.empty() && all.size() > 1 && !series_) {
             if (auto const found = active())
                 chosen = *found;
             else
                 choices_ = all;
         } else {
-            chosen = choose_variable(all, options.variable, s.name);
+            chosen = series_ ? 0 : choose_variable(all, options.variable, s.name);
         }
         wanted_ = arrays()[chosen];
         header_.dims = dims_of(s.whole, wanted_.cells);
@@ -152,14 +175,13 @@ private:
             if (wanted_.cells && points[a] > 1) first[a] += 0.5;
         header_.geometry.origin = index_to_world(s.geometry, first);
         if (s.ours && s.ours->kind == Kind::structured && s.ours->dims == header_.dims &&
-            s.ours->dtype == header_.dtype && same_geometry(s.ours->geometry, header_.geometry) &&
-            wanted_.components == 1) {
+            s.ours->dtype == header_.dtype && same_geometry(s.ours->geometry, header_.geometry)) {
             header_ = *s.ours;
             header_.dry_run = header_.timing = false;
         } else {
             header_.attributes["variable"] = wanted_.name;
         }
-        if (all.size() > 1) {
+        if (all.size() > 1 && !series_) {
             std::vector<std::string> names;
             for (std::size_t i = 0; i < all.size(); ++i) {
                 VtiArray const& array = arrays()[i];
@@ -267,6 +289,8 @@ private:
     std::vector<Part> parts_;
     int opened_ = 0;
     std::int64_t index_ = -1; ///< component
+    bool series_ = false;     ///< all arrays are volumes of one series
+    std::size_t array_ = static_cast<std::size_t>(-1);
     std::vector<std::byte> scratch_;
 };
 
@@ -350,7 +374,14 @@ std::string kept_text(Header kept) {
                 letters, "0\n      </Array>\n    </FieldData>\n");
 }
 
-/// Appended raw data, in blocks of zlib if compressed, behind a header whose length is known before.
+/// What is written side by side on one lattice.
+struct WrittenArray {
+    std::string name; ///< escaped
+    std::int64_t components = 1;
+};
+
+/// Appended raw data, in blocks of zlib if compressed, behind a header whose length is known before. Several arrays lie
+/// one after another.
 class VtiWriter : public VolumeWriter {
 public:
     /// `lower`: the extent's first slice, of a piece whose whole begins at `origin`.
@@ -363,64 +394,105 @@ public:
                         "write a file");
     }
 
-    void begin(Header const& header) override {
-        refuse_bricks_and_series(header, begun_, ".vti files", "a .vti file", ".vti");
-        if (vtk_type(header.dtype) == nullptr)
-            throw Error(ErrorKind::usage, text(".vti files cannot hold ", header.dtype),
-                        "convert first: vkt convert --dtype float32");
-        size_ = static_cast<std::int64_t>(header.bytes());
-        file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
-        put(head(in_utf8(header)));
-        if (!compress_) {
-            std::uint64_t const size = header.bytes();
-            file_.write(&size, sizeof size);
-            return;
-        }
-        std::int64_t const blocks = (size_ + block - 1) / block;
-        table_.assign(static_cast<std::size_t>(blocks) + 3, 0);
-        table_[0] = static_cast<std::uint64_t>(blocks);
-        table_[1] = static_cast<std::uint64_t>(block);
-        table_[2] = static_cast<std::uint64_t>(size_ % block);
-        table_at_ = written_;
-        file_.write(table_.data(), table_.size() * 8);
+    OutputFile const& file() const { return file_; }
+
+    void begin(Header const& header) override { begin(header, {{array_name(header)}}); }
+
+    /// write() takes the voxels of all arrays, one array after another.
+    void begin(Header const& header, std::vector<WrittenArray> arrays) {
+        header_ = in_utf8(header);
+        arrays_ = std::move(arrays);
+        offsets_.assign(arrays_.size(), 0);
+        std::size_t const bytes = header.bytes() * arrays_.size() * static_cast<std::size_t>(arrays_[0].components);
+        file_.expect(compress_ ? bytes / 1032 : bytes);
+        put(head());
+        begin_ = written_;
+        start_array();
     }
 
     void write(std::byte const* voxels, std::size_t n) override {
-        if (!compress_) return file_.write(voxels, n);
-        held_.insert(held_.end(), voxels, voxels + n);
-        if (std::ssize(held_) >= block * 4 * threads_) pack(false);
+        while (n > 0) {
+            if (left_ == 0) {
+                end_array();
+                ++array_;
+                start_array();
+            }
+            std::size_t const count = std::min(n, static_cast<std::size_t>(left_));
+            left_ -= static_cast<std::int64_t>(count);
+            if (compress_) {
+                held_.insert(held_.end(), voxels, voxels + count);
+                if (std::ssize(held_) >= block * 4 * threads_) pack(false);
+            } else {
+                write_bytes(voxels, count);
+            }
+            voxels += count;
+            n -= count;
+        }
     }
 
     void end() override {
-        if (compress_) pack(true);
+        end_array();
         put("\n  </AppendedData>\n</VTKFile>\n");
     }
 
     void close() override {
-        if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
-        if (compress_) file_.write_at(table_at_, table_.data(), table_.size() * 8);
+        if (arrays_.size() > 1) {
+            std::string const words = head();
+            file_.write_at(0, words.data(), words.size());
+        }
         file_.commit();
     }
 
 private:
     static constexpr std::int64_t block = std::int64_t{1} << 20;
 
-    void put(std::string const& words) {
-        file_.write(words.data(), words.size());
-        written_ += std::ssize(words);
+    void write_bytes(void const* bytes, std::size_t n) {
+        file_.write(bytes, n);
+        written_ += static_cast<std::int64_t>(n);
+    }
+    void put(std::string const& words) { write_bytes(words.data(), words.size()); }
+
+    void start_array() {
+        offsets_[array_] = written_ - begin_;
+        left_ = static_cast<std::int64_t>(header_.bytes()) * arrays_[array_].components;
+        if (!compress_) {
+            auto const size = static_cast<std::uint64_t>(left_);
+            return write_bytes(&size, sizeof size);
+        }
+        std::int64_t const blocks = (left_ + block - 1) / block;
+        table_.assign(static_cast<std::size_t>(blocks) + 3, 0);
+        table_[0] = static_cast<std::uint64_t>(blocks);
+        table_[1] = static_cast<std::uint64_t>(block);
+        table_[2] = static_cast<std::uint64_t>(left_ % block);
+        table_at_ = written_;
+        done_ = 0;
+        write_bytes(table_.data(), table_.size() * 8);
     }
 
-    std::string head(Header const& h) const {
-        std::string const extent = extent_text(h.dims, lower_), name = array_name(h);
+    void end_array() {
+        if (!compress_) return;
+        pack(true);
+        file_.write_at(table_at_, table_.data(), table_.size() * 8);
+    }
+
+    std::string head() const {
+        std::string const extent = extent_text(header_.dims, lower_);
         bool const little = std::endian::native == std::endian::little;
-        return text("<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"",
-                    little ? "LittleEndian" : "BigEndian", "\" header_type=\"UInt64\"",
-                    compress_ ? " compressor=\"vtkZLibDataCompressor\"" : "", ">\n  <ImageData WholeExtent=\"", extent,
-                    "\" ", place_text(h.geometry, origin_.value_or(h.geometry.origin)), ">\n", kept_text(h),
-                    "    <Piece Extent=\"", extent, "\">\n      <PointData Scalars=\"", name,
-                    "\">\n        <DataArray type=\"", vtk_type(h.dtype), "\" Name=\"", name,
-                    "\" format=\"appended\" offset=\"0\"/>\n      </PointData>\n    </Piece>\n  </ImageData>\n  "
-                    "<AppendedData encoding=\"raw\">\n   _");
+        std::string result = text(
+            "<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"",
+            little ? "LittleEndian" : "BigEndian", "\" header_type=\"UInt64\"",
+            compress_ ? " compressor=\"vtkZLibDataCompressor\"" : "", ">\n  <ImageData WholeExtent=\"", extent, "\" ",
+            place_text(header_.geometry, origin_.value_or(header_.geometry.origin)), ">\n", kept_text(header_),
+            "    <Piece Extent=\"", extent, "\">\n      <PointData Scalars=\"", arrays_[0].name, "\">\n");
+        for (std::size_t i = 0; i < arrays_.size(); ++i) {
+            // Known at the end: the header's length must not depend on it.
+            std::string const offset = to_text(offsets_[i]);
+            result += text("        <DataArray type=\"", vtk_type(header_.dtype), "\" Name=\"", arrays_[i].name, "\"",
+                           arrays_[i].components > 1 ? text(" NumberOfComponents=\"", arrays_[i].components, "\"") : "",
+                           " format=\"appended\" offset=\"", offset, "\"",
+                           i > 0 ? std::string(20 - offset.size(), ' ') : "", "/>\n");
+        }
+        return result + "      </PointData>\n    </Piece>\n  </ImageData>\n  <AppendedData encoding=\"raw\">\n   _";
     }
 
     /// Compresses whole blocks, or all that is held.
@@ -441,7 +513,7 @@ private:
         for (std::size_t i = 0; i < packed.size(); ++i) {
             if (failed[i] != Z_OK) throw Error(ErrorKind::resources, "no memory for deflate");
             table_[3 + done_++] = packed[i].size();
-            file_.write(packed[i].data(), packed[i].size());
+            write_bytes(packed[i].data(), packed[i].size());
         }
         held_.erase(held_.begin(), held_.begin() + std::min(blocks * block, std::ssize(held_)));
     }
@@ -451,11 +523,120 @@ private:
     OutputFile file_;
     bool compress_;
     int threads_;
-    bool begun_ = false;
-    std::int64_t size_ = 0, written_ = 0, table_at_ = 0;
+    Header header_;
+    std::vector<WrittenArray> arrays_;
+    std::vector<std::int64_t> offsets_; ///< where arrays begin, behind begin_
+    std::int64_t written_ = 0, begin_ = 0, table_at_ = 0;
+    std::size_t array_ = 0;
+    std::int64_t left_ = 0; ///< bytes of this array to come
     std::vector<std::uint64_t> table_;
     std::size_t done_ = 0;
     std::vector<std::byte> held_;
+};
+
+void refuse_type(Header const& header) {
+    if (vtk_type(header.dtype) == nullptr)
+        throw Error(ErrorKind::usage, text(".vti files cannot hold ", header.dtype),
+                    "convert first: vkt convert --dtype float32");
+}
+
+/// One volume is written as it comes. Of several, which are channels of one, each goes to a file without a name first,
+/// since how many arrays there are stands at the file's beginning: numbered ones become the components of one array,
+/// others an array each.
+class VtiVolumesWriter : public VolumeWriter {
+public:
+    VtiVolumesWriter(std::string path, WriteOptions const& options) : path_(std::move(path)), options_(options) {
+        parts_.push_back(std::make_unique<VtiWriter>(path_, options_));
+    }
+
+    void begin(Header const& header) override {
+        refuse_bricks(header, ".vti files");
+        refuse_type(header);
+        series_.add(header);
+        if (series_.volumes() == 1) {
+            tell_private_values(options_, header, "VTI");
+        } else {
+            std::vector<SeriesAxis> const axes = series_.axes();
+            if (axes.size() > 1 || axes.front().time)
+                throw Error(ErrorKind::usage, "a .vti file holds channels, no times",
+                            "write one file for each time: name it like out_%04d.vti");
+            if (parts_.front()->file().in_place())
+                throw Error(ErrorKind::usage,
+                            ".vti on a pipe cannot hold several volumes, since their number comes first",
+                            "write a file");
+            WriteOptions plain = options_;
+            plain.compress = false; // it is read again
+            parts_.push_back(std::make_unique<VtiWriter>(path_, plain));
+        }
+        parts_.back()->begin(header);
+    }
+    void write(std::byte const* voxels, std::size_t n) override { parts_.back()->write(voxels, n); }
+    void end() override { parts_.back()->end(); }
+
+    void close() override {
+        if (series_.volumes() == 0) throw Error(ErrorKind::data, "there is no volume to write");
+        if (parts_.size() == 1) return parts_.front()->close();
+        series_.finish();
+        if (!series_.differing().empty() && options_.notice)
+            options_.notice(text("one .vti file does not hold attributes that differ between its volumes (",
+                                 join(series_.differing(), ", "), "): not kept"));
+        put_together();
+    }
+
+private:
+    void put_together() {
+        Header const& header = series_.header();
+        SeriesAxis const channels = series_.axes().front();
+        bool numbered = true;
+        for (std::int64_t i = 0; i < channels.size(); ++i)
+            numbered = numbered && channels.places[static_cast<std::size_t>(i)] == to_text(i);
+        std::vector<WrittenArray> arrays;
+        if (numbered)
+            arrays.push_back({array_name(header), channels.size()});
+        else
+            for (std::string const& name : channels_of(channels)) arrays.push_back({xml_escaped(name)});
+        std::vector<std::unique_ptr<VtiSource>> sources;
+        for (auto const& part : parts_) sources.push_back(written(part->file()));
+        VtiWriter whole(path_, options_);
+        whole.begin(header, std::move(arrays));
+        std::size_t const n = numbered ? sources.size() : 1;
+        for (std::size_t first = 0; first < sources.size(); first += n)
+            interleave(std::span(sources).subspan(first, n), header, whole);
+        whole.end();
+        parts_.clear();
+        whole.close();
+    }
+
+    std::unique_ptr<VtiSource> written(OutputFile const& file) const {
+        int const descriptor = ::fcntl(file.descriptor(), F_DUPFD_CLOEXEC, 3);
+        if (descriptor < 0) throw Error(ErrorKind::resources, "too many channels: no more files can be open");
+        ::lseek(descriptor, 0, SEEK_SET);
+        auto source = std::make_unique<VtiSource>(std::make_unique<ByteSource>(descriptor, path_), ReadOptions{});
+        source->next_volume();
+        return source;
+    }
+
+    /// Row by row, the voxels of all sources side by side.
+    static void interleave(std::span<std::unique_ptr<VtiSource>> sources, Header const& header, VtiWriter& to) {
+        std::size_t const size = size_of(header.dtype), row = static_cast<std::size_t>(header.dims.x) * size,
+                          n = sources.size();
+        std::vector<std::byte> one(row), all(row * n);
+        for (std::int64_t z = 0; z < header.dims.z; ++z)
+            for (std::int64_t y = 0; y < header.dims.y; ++y) {
+                Box const box{{0, y, z}, {header.dims.x, y + 1, z + 1}};
+                for (std::size_t i = 0; i < n; ++i) {
+                    sources[i]->read(dense_view(one.data(), header.dtype, box));
+                    for (std::size_t x = 0; x * size < row; ++x)
+                        std::memcpy(all.data() + (x * n + i) * size, one.data() + x * size, size);
+                }
+                to.write(all.data(), all.size());
+            }
+    }
+
+    std::string path_;
+    WriteOptions options_;
+    SeriesAxes series_{".vti file", ".vti"};
+    std::vector<std::unique_ptr<VtiWriter>> parts_;
 };
 
 /// Pieces of some slices each, which share a slice with the next as VTK's do, in a folder NAME beside NAME.pvti.
@@ -471,6 +652,8 @@ public:
 
     void begin(Header const& header) override {
         refuse_bricks_and_series(header, begun_, ".pvti files", "a .pvti file", ".pvti");
+        refuse_type(header);
+        tell_private_values(options_, header, "VTI");
         header_ = in_utf8(header);
         slice_ = static_cast<std::int64_t>(header_.bytes()) / header_.dims.z;
         std::int64_t const n = std::clamp<std::int64_t>(header_.dims.z - 1, 1, most);
@@ -558,7 +741,7 @@ private:
 
 std::unique_ptr<Sink> create_vti(std::string const& path, WriteOptions const& options) {
     if (lower_case(path).ends_with(".pvti")) return slab_sink(std::make_unique<PvtiWriter>(path, options));
-    return slab_sink(std::make_unique<VtiWriter>(path, options));
+    return slab_sink(std::make_unique<VtiVolumesWriter>(path, options));
 }
 
 } // namespace

@@ -53,6 +53,7 @@ std::optional<Codec> checksum_named(std::string const& name, bool at_start) {
     if (name == "crc32c") return at_start ? Codec::crc32c_before : Codec::crc32c;
     if (name == "crc32") return at_start ? Codec::crc32_before : Codec::crc32;
     if (name == "adler32") return at_start ? Codec::adler32_before : Codec::adler32;
+    if (name == "jenkins_lookup3") return Codec::lookup3;
     return name == "fletcher32" ? std::optional(Codec::fletcher32) : std::nullopt;
 }
 
@@ -245,6 +246,10 @@ bool Metadata::read_filter(std::string const& name, Json const& configuration) {
     Json const* const location = maybe(configuration, "location");
     bool const at_start = location != nullptr ? *location == "start" : name == "crc32" || name == "adler32";
     if (auto const sum = checksum_named(name, at_start)) {
+        for (char const* const what : {"initval", "prefix"})
+            if (Json const* const value = maybe(configuration, what);
+                sum == Codec::lookup3 && value != nullptr && !value->is_null() && *value != 0)
+                fail(text("a checksum jenkins_lookup3 with its own ", what, ", which is not read"));
         array_.codecs.push_back(*sum);
         return true;
     }

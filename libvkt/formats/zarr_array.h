@@ -35,7 +35,8 @@ enum class Codec : std::uint8_t {
     crc32_before,
     adler32,
     adler32_before,
-    fletcher32
+    fletcher32,
+    lookup3
 };
 
 inline bool is_checksum(Codec codec) { return codec >= Codec::crc32c; }

@@ -6,6 +6,9 @@
 #include "libvkt/formats/unpack.h"
 #include "libvkt/formats/zarr_array.h"
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
 #include <optional>
 
@@ -75,6 +78,30 @@ std::uint32_t fletcher32(std::span<std::byte const> bytes) {
     return static_cast<std::uint32_t>(second << 16 | first);
 }
 
+/// Bob Jenkins' lookup3 (public domain, 2006), of bytes as little-endian words, as HDF5 has it.
+std::uint32_t lookup3(std::span<std::byte const> bytes) {
+    std::uint32_t a = 0xdeadbeefU + static_cast<std::uint32_t>(bytes.size()), b = a, c = a;
+    auto const part = [](std::uint32_t& x, std::uint32_t y, int turn) { x = (x ^ y) - std::rotl(y, turn); };
+    while (!bytes.empty()) {
+        std::array<std::uint32_t, 3> words{}; // of the last block what is missing is 0
+        for (std::size_t i = 0; i < std::min<std::size_t>(bytes.size(), 12); ++i)
+            words[i / 4] |= std::to_integer<std::uint32_t>(bytes[i]) << i % 4 * 8;
+        a += words[0], b += words[1], c += words[2];
+        if (bytes.size() <= 12) {
+            part(c, b, 14), part(a, c, 11), part(b, a, 25), part(c, b, 16), part(a, c, 4), part(b, a, 14);
+            part(c, b, 24);
+            break;
+        }
+        auto const turn = [](std::uint32_t& x, std::uint32_t& y, std::uint32_t z, int bits) {
+            x = (x - y) ^ std::rotl(y, bits);
+            y += z;
+        };
+        turn(a, c, b, 4), turn(b, a, c, 6), turn(c, b, a, 8), turn(a, c, b, 16), turn(b, a, c, 19), turn(c, b, a, 4);
+        bytes = bytes.subspan(12);
+    }
+    return c;
+}
+
 std::uint32_t checksum(Codec codec, std::span<std::byte const> bytes) {
     auto const* const data = reinterpret_cast<Bytef const*>(bytes.data());
     switch (codec) {
@@ -86,6 +113,8 @@ std::uint32_t checksum(Codec codec, std::span<std::byte const> bytes) {
         return static_cast<std::uint32_t>(adler32_z(1, data, bytes.size()));
     case Codec::fletcher32:
         return fletcher32(bytes);
+    case Codec::lookup3:
+        return lookup3(bytes);
     default:
         return crc32c(bytes);
     }

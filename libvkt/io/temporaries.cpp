@@ -37,11 +37,6 @@ std::array<std::atomic<char*>, slots> temporaries{};
 
 constexpr std::string_view temporary_mark = ".vkt-";
 
-/// What all temporary names for `path` begin with. A name may not be longer than file systems take.
-std::string prefix_of(std::string const& path) {
-    return text(".", std::filesystem::path(path).filename().string().substr(0, 200), temporary_mark);
-}
-
 /// Four bytes that follow from the rest of a temporary name, and that nobody else's name ends in but by a chance of
 /// 2^-32: FNV-1a.
 std::string check_of(std::string_view name) {
@@ -52,9 +47,12 @@ std::string check_of(std::string_view name) {
     return digits.data();
 }
 
-/// Whether a name that begins with prefix_of(…) was made by temporary_name: PID-XXXXXXXX and the check.
-bool is_temporary_name(std::string_view name, std::size_t prefix) {
+/// Whether a name was made by temporary_name: .NAME.vkt-PID-XXXXXXXX and the check.
+bool is_temporary_name(std::string_view name) {
     constexpr std::size_t random = 8, check = 8;
+    std::size_t const mark = name.rfind(temporary_mark);
+    if (!name.starts_with('.') || mark == std::string_view::npos || mark == 0) return false;
+    std::size_t const prefix = mark + temporary_mark.size();
     if (name.size() < prefix + 1 + 1 + random + check) return false;
     std::string_view const rest = name.substr(0, name.size() - check);
     return rest.find_first_not_of("0123456789", prefix) == rest.size() - random - 1 &&
@@ -66,8 +64,12 @@ bool left_over(int descriptor) {
     struct stat status {};
     bool const directory = ::fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
     if ((!directory && !S_ISREG(status.st_mode)) || status.st_uid != ::geteuid()) return false;
-    // An empty file, or a directory, may have been made this moment, before its owner could mark it.
-    if ((directory || status.st_size == 0) && status.st_ctime + 60 > std::time(nullptr)) return false;
+    // What is empty may have been made this moment, before its owner could mark it.
+    std::error_code failure;
+    bool const empty = directory
+                           ? std::filesystem::is_empty(text("/proc/self/fd/", descriptor, "/."), failure) || failure
+                           : status.st_size == 0;
+    if (empty && status.st_ctime + 60 > std::time(nullptr)) return false;
     return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
 }
 
@@ -80,18 +82,10 @@ struct KernelEntry {
     char name[1];
 };
 
-/// Names of directories below ours: numbers, c, volume. and a number (a Zarr store's), Level_ and a number (a
-/// plotfile's).
-bool is_own_directory(char const* name) {
-    if (std::strcmp(name, "c") == 0) return true;
-    for (char const* const prefix : {"Level_", "volume."})
-        if (std::size_t const n = std::strlen(prefix); std::strncmp(name, prefix, n) == 0) name += n;
-    for (; *name >= '0' && *name <= '9'; ++name) {
-    }
-    return *name == '\0';
-}
+/// "." and "..".
+bool is_self(char const* name) { return name[0] == '.' && (name[1] == '\0' || (name[1] == '.' && name[2] == '\0')); }
 
-/// Removes the files in a directory, and below it those in directories that is_own_directory() knows.
+/// Removes what is in a directory.
 void empty_directory(int folder, int depth) noexcept {
     alignas(KernelEntry) char entries[4096];
     for (bool any = true; any;) { // from the start again, since what is removed may shift what follows
@@ -102,7 +96,7 @@ void empty_directory(int folder, int depth) noexcept {
                 auto const* const entry = reinterpret_cast<KernelEntry const*>(entries + at);
                 char const* const name = entries + at + offsetof(KernelEntry, name);
                 bool gone = ::unlinkat(folder, name, 0) == 0;
-                if (!gone && (errno == EISDIR || errno == EPERM) && depth > 0 && is_own_directory(name)) {
+                if (!gone && (errno == EISDIR || errno == EPERM) && depth > 0 && !is_self(name)) {
                     int const inner = ::openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
                     if (inner >= 0) empty_directory(inner, depth - 1);
                     gone = ::unlinkat(folder, name, AT_REMOVEDIR) == 0;
@@ -114,12 +108,12 @@ void empty_directory(int folder, int depth) noexcept {
     ::close(folder);
 }
 
-/// Removes a file, or a directory with the files in it. Async-signal-safe.
+/// Removes a file, or a directory and what is in it. Async-signal-safe.
 void remove_temporary(char const* path) noexcept {
     if (::unlink(path) == 0 || (errno != EISDIR && errno != EPERM)) return;
     int const folder = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (folder < 0) return;
-    constexpr int deepest = 8;
+    constexpr int deepest = 16;
     empty_directory(folder, deepest);
     ::rmdir(path);
 }
@@ -155,7 +149,9 @@ std::string temporary_name(std::string const& path) {
     std::random_device random;
     std::array<char, 9> nonce{};
     std::snprintf(nonce.data(), nonce.size(), "%08x", random());
-    std::string const name = text(prefix_of(path), static_cast<std::int64_t>(::getpid()), "-", nonce.data());
+    // A name may not be longer than file systems take.
+    std::string const shown = std::filesystem::path(path).filename().string().substr(0, 200);
+    std::string const name = text(".", shown, temporary_mark, static_cast<std::int64_t>(::getpid()), "-", nonce.data());
     return text(directory_of(path), "/", name, check_of(name));
 }
 
@@ -164,10 +160,8 @@ std::string lasting_name(std::string const& path) {
     for (std::size_t begin = 0; begin <= path.size();) {
         std::size_t const end = std::min(path.find('/', begin), path.size());
         std::string const part = path.substr(begin, end - begin);
-        std::size_t const mark = part.rfind(temporary_mark);
-        bool const ours = end < path.size() && part.starts_with('.') && mark != std::string::npos &&
-                          is_temporary_name(part, mark + temporary_mark.size());
-        result += ours ? part.substr(1, mark - 1) : part;
+        bool const ours = end < path.size() && is_temporary_name(part);
+        result += ours ? part.substr(1, part.rfind(temporary_mark) - 1) : part;
         if (end < path.size()) result += '/';
         begin = end + 1;
     }
@@ -223,13 +217,12 @@ Guard::~Guard() {
 void mark_alive(int descriptor) { (void)::flock(descriptor, LOCK_EX | LOCK_NB); }
 
 void remove_leftovers(std::string const& path) {
-    std::string const directory = directory_of(path), prefix = prefix_of(path);
+    std::string const directory = directory_of(path);
     std::unique_ptr<DIR, int (*)(DIR*)> const folder(::opendir(directory.c_str()), ::closedir);
     if (!folder) return;
     while (dirent const* const entry = ::readdir(folder.get())) {
-        if (std::strncmp(entry->d_name, prefix.c_str(), prefix.size()) != 0) continue;
-        // Whatever else begins so is somebody's own.
-        if (!is_temporary_name(entry->d_name, prefix.size())) continue;
+        // Whatever is called otherwise is somebody's own.
+        if (!is_temporary_name(entry->d_name)) continue;
         int const descriptor =
             ::openat(::dirfd(folder.get()), entry->d_name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
         if (descriptor < 0) continue;

@@ -24,15 +24,14 @@ void forget_temporary(int slot);
 /// of fatal signals.
 void remove_temporaries() noexcept;
 
-/// Removes a directory and the files in it, and below it directories whose names are numbers (a Zarr store's), or
-/// Level_ and a number (a plotfile's); others stay, and it with them.
+/// Removes a directory and all below it, to a depth that no store of ours has. Symbolic links are not followed.
 void remove_directory(std::string const& path) noexcept;
 
 /// Marks an open temporary file or directory as belonging to a living process; the kernel takes the mark away when that
 /// dies.
 void mark_alive(int descriptor);
 
-/// A process that removes a file, or a directory with its files, when this one dies, however it dies. It holds no
+/// A process that removes a file, or a directory and what is in it, when this one dies, however it dies. It holds no
 /// descriptor of ours, so that no reader of a pipe waits for it, and leads a session of its own, so that signals to our
 /// group pass it by.
 class Guard {
@@ -49,8 +48,9 @@ private:
     int process_ = -1;
 };
 
-/// Removes what killed processes left beside `path`: files and directories of this user whose name temporary_name(path)
-/// made, as the check in it proves, and that no living process has marked.
+/// Removes what processes that were killed together with their guards left beside `path`: files and directories of this
+/// user whose name temporary_name() made, of this or another path, as the check in it proves, and that no living
+/// process has marked.
 void remove_leftovers(std::string const& path);
 
 } // namespace vkt

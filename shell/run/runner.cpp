@@ -194,6 +194,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
             return picture_source(std::move(bytes));
         ReadOptions options = stated;
         options.memory = execution_of(stage).memory;
+        options.notice = [this, &stage](std::string const& message) { log_.note(stage.stage(), message); };
         format_ = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.

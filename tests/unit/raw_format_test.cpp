@@ -382,15 +382,23 @@ TEST(OutputFile, LeftoversOfTheDeadAreRemovedThoseOfTheLivingAreNot) {
     int const owner = ::open(living.c_str(), O_RDONLY | O_CLOEXEC);
     mark_alive(owner);
     put_file(temporary_name(path), ""); // may be new
-    put_file(temporary_name(scratch / "b.raw"), "of another file");
-    ASSERT_EQ(scratch.files(), 5u);
+    put_file(temporary_name(scratch / "b.raw"), "of another file, whose writer was killed as well");
+    std::string const other_living = temporary_name(scratch / "b.raw");
+    put_file(other_living, "of another file, being written");
+    int const other_owner = ::open(other_living.c_str(), O_RDONLY | O_CLOEXEC);
+    mark_alive(other_owner);
+    put_file(scratch / ".b.raw.vkt-notes", "somebody's own");
+    ASSERT_EQ(scratch.files(), 7u);
     OutputFile file(path, true);
     file.write("new", 3);
     file.commit();
     EXPECT_EQ(get_file(path), "new");
-    EXPECT_EQ(scratch.files(), 4u);
+    EXPECT_EQ(scratch.files(), 5u); // but those of the two that were killed
     EXPECT_EQ(get_file(living), "being written");
+    EXPECT_EQ(get_file(other_living), "of another file, being written");
+    EXPECT_EQ(get_file(scratch / ".b.raw.vkt-notes"), "somebody's own");
     ::close(owner);
+    ::close(other_owner);
 }
 
 TEST(SlabSink, RefusesSlabsOutOfOrder) {

@@ -8,7 +8,7 @@
 
 namespace vkt::hdf5 {
 
-/// The file, to be read; false if the library cannot open it. Defined beside what reads datasets.
+/// The file, to be read; false if the library cannot open it. Defined beside what lists datasets.
 Handle open_to_read(std::string const& path);
 
 } // namespace vkt::hdf5

@@ -4,6 +4,8 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/hdf5/handle.h"
+#include "libvkt/formats/hdf5/remove.h"
+#include "libvkt/formats/hdf5/scales.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/layers.h"
@@ -67,17 +69,25 @@ Handle file_type(DataType type) {
     return {H5Tcopy(H5T_IEEE_F64LE), H5Tclose};
 }
 
+/// The one unit that an attribute lists for all axes; else empty.
+std::string unit_in(Header const& header, char const* attribute) {
+    auto const found = header.attributes.find(attribute);
+    auto const units = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    if (!units || units->empty() ||
+        std::any_of(units->begin(), units->end(), [&](auto const& u) { return u != (*units)[0]; }))
+        return {};
+    return (*units)[0].substr(1, (*units)[0].size() - 2);
+}
+
 class Writer : public VolumeWriter {
 public:
     Writer(std::string const& path, WriteOptions const& options)
-        : options_(options), file_(file_part(path).file, options.force, OutputKind::named_file),
-          dataset_(file_part(path).part), named_(!dataset_.empty()) {
+        : options_(options), dataset_(part_to_write(path, "dataset", "/group/volume")),
+          file_(file_part(path).file, options.force, OutputKind::named_file), named_(!dataset_.empty()) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': HDF5 files cannot be written to a pipe"),
                         "name a file: -o out.h5");
         if (dataset_.empty()) dataset_ = default_dataset;
-        if (dataset_.ends_with('/') || dataset_.find("//") != std::string::npos)
-            throw Error(ErrorKind::usage, text("'", dataset_, "' names no dataset"), "e.g. -o out.h5:/group/volume");
     }
 
     void begin(Header const& header) override;
@@ -93,6 +103,7 @@ private:
     void put_list(char const* name, std::vector<std::string> const& values) const;
     void put_about();
     void put_places();
+    std::vector<Scale> scales() const;
     void open_file();
     bool copy_existing(hid_t access);
     std::vector<hsize_t> leading() const;
@@ -102,8 +113,8 @@ private:
     void flush();
 
     WriteOptions options_;
-    OutputFile file_;
     std::string dataset_;
+    OutputFile file_;
     bool named_; ///< so that others of the file that is there stay
     SeriesAxes series_{"HDF5 dataset", ".h5"};
     Header header_;
@@ -190,7 +201,7 @@ bool Writer::copy_existing(hid_t access) {
         if (!last && !group) throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is no group"));
         if (last) break;
     }
-    need(H5Ldelete(*hdf5_, dataset_.c_str(), H5P_DEFAULT) >= 0, "another dataset of this name");
+    remove_named(*hdf5_, dataset_, file_.path());
     return true;
 }
 
@@ -212,7 +223,8 @@ void Writer::create(std::vector<hsize_t> const& leading) {
     space_.emplace(H5Screate_simple(rank, shape.data(), most.data()), H5Sclose);
     Handle const creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
     H5Pset_chunk(creation, rank, chunk.data());
-    H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);
+    // The time of filling is left alone: H5D_FILL_TIME_NEVER makes HDF5 1.10 lose the only chunk of a dataset in files
+    // of its latest layout.
     H5Pset_obj_track_times(creation, false); // equal volumes give equal files
     if (options_.compress) {
         H5Pset_shuffle(creation);
@@ -308,14 +320,40 @@ void Writer::put_places() {
         } else {
             put_numbers(position_attribute, times_of(axis));
         }
-        auto const found = header_.attributes.find("sequence units");
-        auto const units = found == header_.attributes.end() ? std::nullopt : quoted_entries(found->second);
-        if (units && units->size() == 1)
-            put_words(units_attribute, units->front().substr(1, units->front().size() - 2));
+        if (std::string const unit = unit_in(header_, "sequence units"); !unit.empty())
+            put_words(units_attribute, unit);
     }
     if (!lost.empty() && options_.notice)
         options_.notice(text("one HDF5 dataset does not hold attributes that differ between its volumes (",
                              join(lost, ", "), "): not kept"));
+}
+
+/// For NetCDF and xarray, which know dimensions by these alone. Axes that are turned have no coordinates of their own.
+std::vector<Scale> Writer::scales() const {
+    std::vector<Scale> result;
+    for (SeriesAxis const& axis : series_.axes()) {
+        Scale scale{axis.name(), static_cast<hsize_t>(axis.size()), result.empty(), {}, {}, {}};
+        bool const stated = std::find(axis.places.begin(), axis.places.end(), "") == axis.places.end();
+        if (axis.time && stated) {
+            scale.places = times_of(axis);
+            scale.units = unit_in(header_, "sequence units");
+        } else if (!axis.time) {
+            scale.names = channels_of(axis);
+        }
+        result.push_back(std::move(scale));
+    }
+    Geometry const& g = header_.geometry;
+    constexpr char const* names[] = {"x", "y", "z"};
+    for (int a = 2; a >= 0; --a) {
+        Scale scale{names[a], static_cast<hsize_t>(header_.dims[a]), false, {}, {}, {}};
+        if (g.direction == Geometry{}.direction) {
+            for (std::int64_t i = 0; i < header_.dims[a]; ++i)
+                scale.places.push_back(g.origin[a] + static_cast<double>(i) * g.spacing[a]);
+            scale.units = unit_in(header_, "space units");
+        }
+        result.push_back(std::move(scale));
+    }
+    return result;
 }
 
 /// What others look for, and all of the header for vkt. Lists are in the order of the dataset's axes.
@@ -323,10 +361,7 @@ void Writer::put_about() {
     Geometry const& g = header_.geometry;
     put_numbers("spacing", {g.spacing.z, g.spacing.y, g.spacing.x});
     put_numbers("origin", {g.origin.z, g.origin.y, g.origin.x});
-    auto const found = header_.attributes.find("space units");
-    auto const units = found == header_.attributes.end() ? std::nullopt : quoted_entries(found->second);
-    if (units && units->size() == 3 && (*units)[0] == (*units)[1] && (*units)[0] == (*units)[2]) {
-        std::string const unit = (*units)[0].substr(1, (*units)[0].size() - 2);
+    if (std::string const unit = unit_in(header_, "space units"); !unit.empty()) {
         put_words("spacing_units", unit);
         double const um = unit == "um" ? 1 : unit == "mm" ? 1e3 : unit == "nm" ? 1e-3 : unit == "angstrom" ? 1e-4 : 0;
         if (um > 0) put_numbers("element_size_um", {g.spacing.z * um, g.spacing.y * um, g.spacing.x * um});
@@ -385,6 +420,7 @@ void Writer::close() {
     Handle const groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
     H5Pset_create_intermediate_group(groups, 1);
     need(H5Olink(*data_, *hdf5_, dataset_.c_str(), groups, H5P_DEFAULT) >= 0, "the dataset");
+    if (series_.volumes() > 1) need(attach_scales(*hdf5_, dataset_, scales()), "scales of the dimensions");
     bool good = data_->reset();
     good = space_->reset() && good;
     good = type_->reset() && good;

@@ -84,10 +84,13 @@ Page Pages::page_here() {
     std::uint16_t levels = 0;
     std::uint64_t const* offsets = nullptr;
     if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) != 0) p.levels = levels;
-    std::uint32_t depth = 1;
-    if (TIFFGetField(tiff_, TIFFTAG_IMAGEDEPTH, &depth) != 0 && depth > 1)
-        fail(text("a page holds ", static_cast<std::int64_t>(depth), " slices in one (ImageDepth), which is not read"),
-             "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
+    for (auto const& [tag, name] : {std::pair{TIFFTAG_IMAGEDEPTH, "ImageDepth"}, {TIFFTAG_TILEDEPTH, "TileDepth"}}) {
+        std::uint32_t depth = 1;
+        if (TIFFGetField(tiff_, static_cast<std::uint32_t>(tag), &depth) != 0 && depth > 1)
+            fail(text("a page holds ", static_cast<std::int64_t>(depth), " slices in one (", name,
+                      "), which is not read"),
+                 "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
+    }
     if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
     return p;
 }
