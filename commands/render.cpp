@@ -56,14 +56,14 @@ public:
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
     std::size_t bytes_held(Header const& header, std::string const& output) const override {
-        render::RenderSettings const settings = options_.settings();
+        render::RenderSettings const settings = this->settings();
         auto const& environment = settings.environment;
         std::size_t const floats = environment ? environment->pixels.size() + environment->column_ends.size() : 0;
         return render::bytes_to_draw(header, settings.tree) + floats * sizeof(float) +
                render::bytes_of_picture(settings, header, picture_options(output));
     }
     std::vector<std::string> explain(Header const& header, std::string const& output) const override {
-        return render::explanation(options_.settings(), header, picture_options(output));
+        return render::explanation(settings(), header, picture_options(output));
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {

@@ -24,6 +24,7 @@ struct RayFrame {
     double right_length, up_length;  ///< their lengths in the world
     bool perspective;
     double width, height; ///< of the image in pixels
+    int top = 0;          ///< row of the image that row 0 of the part which is drawn, and held, is
 };
 
 /// A ray inside the box: position entry + t * direction for t in [0, length], direction of unit length in the lattice.
@@ -83,9 +84,9 @@ VKT_HD bool clip(Double3 origin, Double3 direction, ShownPart const& shown, doub
     return near < far;
 }
 
-/// The ray through image position (x, y) in pixels; false if it misses what is shown.
+/// The ray through position (x, y), in pixels of the part that is drawn; false if it misses what is shown.
 VKT_HD bool make_ray(RayFrame const& frame, double x, double y, ShownPart const& shown, Ray& ray) {
-    double const u = 2 * x / frame.width - 1, v = 1 - 2 * y / frame.height;
+    double const u = 2 * x / frame.width - 1, v = 1 - 2 * (y + frame.top) / frame.height;
     Double3 const offset = frame.right * u + frame.up * v;
     double const ru = u * frame.right_length, uv = v * frame.up_length;
     Double3 const origin = frame.perspective ? frame.eye : frame.eye + offset;
