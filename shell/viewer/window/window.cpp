@@ -110,6 +110,7 @@ private:
     void draw_picture(Area const& area);
     void play();
     void set_title();
+    std::string message() const;
 
     bool panels_fit(float width) const { return panels_on_ && width >= panel_width() + least_picture_points; }
     float panel_width() const { return panel_points * scale_; }
@@ -129,7 +130,8 @@ private:
     Undo<Look> undo_;
     std::optional<render::Camera> home_; ///< what the command line asks for, known from the first frame
     Drag drag_ = Drag::none;
-    double x_ = 0, y_ = 0, clicked_ = -1; ///< where the mouse was, when it was pressed
+    double x_ = 0, y_ = 0; ///< where the mouse was
+    DoubleClick clicks_;
     bool panels_on_ = true, magnified_ = false;
     bool closing_popups_ = false;
     bool playing_ = false;
@@ -263,20 +265,18 @@ void Window::press(int button, int action, int modifiers) {
     frames_left_ = 3;
     Drag const before = std::exchange(drag_, Drag::none);
     if (before == Drag::box) panels_.choosing_box = false;
+    if (before == Drag::orbit && action != GLFW_PRESS && clicks_.release()) pick(x_, y_);
     if (action != GLFW_PRESS) return;
     // Where the pointer was then, by the events before: by now it may be elsewhere.
     if (!picture_area().contains(x_, y_) || panels_.covers(x_, y_)) return;
     if (button == GLFW_MOUSE_BUTTON_LEFT) {
-        double const now = glfwGetTime();
-        bool const again = now - std::exchange(clicked_, now) < 0.3;
         if (panels_.choosing_box) {
             drag_ = Drag::box;
             auto const [u, v] = in_picture(x_, y_);
             panels_.box = {u, v, u, v};
-        } else if (again) {
-            pick(x_, y_);
         } else {
             drag_ = (modifiers & GLFW_MOD_SHIFT) != 0 || (modifiers & GLFW_MOD_ALT) != 0 ? Drag::pan : Drag::orbit;
+            if (drag_ == Drag::orbit) clicks_.press(x_, y_, glfwGetTime());
         }
     }
     if (button == GLFW_MOUSE_BUTTON_RIGHT) drag_ = Drag::pan;
@@ -301,7 +301,7 @@ void Window::move(double x, double y) {
     x_ = x, y_ = y;
     if (drag_ == Drag::none) return;
     if (movement.x == 0 && movement.y == 0) return;
-    clicked_ = -1; // a drag begins no double click
+    clicks_.move(x, y);
     if (drag_ == Drag::box && panels_.box) {
         auto const [u, v] = in_picture(x, y);
         (*panels_.box)[2] = std::clamp(u, 0.0, 1.0), (*panels_.box)[3] = std::clamp(v, 0.0, 1.0);
@@ -586,7 +586,7 @@ void Window::take_news() {
         facts_ = text(enum_name(frame->view.look.algorithm), ", ", map, ", ",
                       static_cast<std::int64_t>(std::lround(frame->seconds * 1e3)), " ms");
         int const wanted = frame->view.look.samples;
-        if (!frame->arrival.complete)
+        if (!frame->arrival.complete || !frame->arrival.failure.empty())
             facts_ += text(" at ", frame->arrival.slices, " of ", frame->arrival.of, " slices");
         else if (frame->effort < 1 && frame->paths > 0)
             facts_ += text(" at ", frame->paths, " of ", wanted, " paths");
@@ -664,16 +664,9 @@ void Window::draw() {
     double x = 0, y = 0;
     glfwGetCursorPos(window_, &x, &y);
     auto const [u, v] = in_picture(x, y);
-    Shown const shown{asked_,
-                      frame_ ? &*frame_ : nullptr,
-                      volume,
-                      area,
-                      u,
-                      v,
-                      undo_.can_undo(),
-                      undo_.can_redo(),
-                      magnified_,
-                      painter_->saving() ? "saving" : message_};
+    Shown const shown{
+        asked_,   frame_ ? &*frame_ : nullptr, volume, area, u, v, undo_.can_undo(), undo_.can_redo(), magnified_,
+        message()};
     Look const before = view_.look;
     std::optional<render::Camera> const camera = view_.camera;
     ImVec2 const all = ImGui::GetIO().DisplaySize;
@@ -704,13 +697,17 @@ void Window::play() {
     painter_->go_on(Turn::around);
 }
 
+/// What there is to tell: of a volume that is not whole, whenever there is nothing else.
+std::string Window::message() const {
+    if (painter_->saving()) return "saving";
+    if (!message_.empty() || !frame_) return message_;
+    return frame_->arrival.failure;
+}
+
 void Window::set_title() {
     std::string title = text("vkt render: ", name_, " - ", facts_);
     if (playing_) title += " - playing";
-    if (painter_->saving())
-        title += " - saving";
-    else if (!message_.empty())
-        title += " - " + message_;
+    if (std::string const told = message(); !told.empty()) title += " - " + told;
     if (std::exchange(title_, title) != title) glfwSetWindowTitle(window_, title.c_str());
 }
 
