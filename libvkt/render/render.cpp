@@ -327,17 +327,22 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
     // Until something is drawn there: a GPU draws all of it at once.
     for (std::size_t i = 3; i < image.pixels.size() && !with_gpu; i += 4) image.pixels[i] = 1;
-    // Surfaces are in few cells; the rays of the others are not worth following.
+    // Most rays may pass no cell in which something can be seen, and are not worth following.
+    bool const marched = integrator == Integrator::march;
     std::optional<Screen> screen;
-    if (integrator == Integrator::iso && !tree_ && !with_gpu && settings.skip)
-        screen.emplace(scene, cells, image.height, execution_.threads);
+    if ((integrator == Integrator::iso || marched) && !tree_ && !with_gpu && settings.skip) {
+        // Marched with fewer rays, some rows around a part are drawn, too.
+        int const first = std::max(0, rows.first - 2 * sparse_halo);
+        screen.emplace(scene, cells, first, std::min(settings.height, rows.last + 2 * sparse_halo) - first,
+                       execution_.threads);
+    }
     Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
                      of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
                                                                             float* pixels, Counters& counters) {
                         if (tree_)
                             of_tree(view, tree, integrator, tile, pixels, image.width, counters);
                         else if (screen && view.sums.squares == nullptr)
-                            screen->draw(tile, pixels, counters, [&](Tile part) {
+                            screen->draw(view, marched, tile, pixels, counters, [&](Tile part) {
                                 of_lattice(view, lattice_.view, integrator, part, pixels, image.width, counters);
                             });
                         else

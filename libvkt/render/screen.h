@@ -16,20 +16,20 @@ namespace vkt::render {
 /// nothing.
 class Screen {
 public:
-    /// Of the part of a picture that the scene's frame names, so many rows. Everything may be seen where that is not
-    /// worth finding out, or a cell reaches behind the eye.
-    Screen(SceneView const& scene, CellVisibility const& cells, int height, int threads);
+    /// Of so many rows of the picture from `first` on. Everything may be seen where that is not worth finding out, or a
+    /// cell reaches behind the eye.
+    Screen(SceneView const& scene, CellVisibility const& cells, int first, int rows, int threads);
 
-    /// Calls draw(tile) for what may be seen of a tile, and writes "nothing" to the other pixels of the picture whose
-    /// pixel (0,0) is at `pixels`. Rays that meet the volume there are counted as if they were drawn.
-    void draw(Tile tile, float* pixels, Counters& counters, std::function<void(Tile)> const& draw) const;
+    /// Calls draw(tile) for what may be seen of a tile, and writes "nothing" to the other pixels; tiles and pixels are
+    /// those of the part of the picture that the view's frame begins. Rays that meet the volume are counted as if they
+    /// were drawn, and, where it is `marched`, the segments on them.
+    void draw(SceneView const& view, bool marched, Tile tile, float* pixels, Counters& counters,
+              std::function<void(Tile)> const& draw) const;
 
 private:
     static constexpr int side = 4; ///< of a square
-    void leave_out(Tile tile, float* pixels, Counters& counters) const;
 
-    SceneView const& scene_;
-    int width_, height_;             ///< in pixels
+    int width_, first_;              ///< in pixels
     int across_;                     ///< squares of a row
     std::vector<std::uint8_t> seen_; ///< empty: all may be
 };

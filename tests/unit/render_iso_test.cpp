@@ -225,6 +225,13 @@ TEST(RenderIso, WhatNoSurfaceProjectsToIsLeftOutAndNothingElse) {
         if (i % 4 == 2) s.parts = 2, s.part = 1 + i % 3 / 2;
         Skipping const reports = expect_no_bit_changes(volume, s, "camera " + std::to_string(i));
         EXPECT_EQ(reports.with.rays, reports.without.rays) << i;
+        s.algorithm = Algorithm::ray_marching;
+        s.isos.clear();
+        s.transfer = TransferFunction{};
+        s.transfer->points = {{0.3, {1, 1, 1}, 0}, {0.5, {1, 1, 1}, 0.7}};
+        Skipping const marched = expect_no_bit_changes(volume, s, "camera " + std::to_string(i) + ", marched");
+        EXPECT_EQ(marched.with.rays, marched.without.rays) << i;
+        EXPECT_EQ(marched.with.segments, marched.without.segments) << i;
     }
 }
 
@@ -258,15 +265,15 @@ TEST(RenderIso, RaysGoWhereASurfaceMayBe) {
         Camera camera;
         camera.eye = eye, camera.target = {40, 40, 40}, camera.up = {0, 0, 1}, camera.fov = 30;
         scene.frame = frame_of(camera, volume.header().geometry, lattice_padding, width, height);
-        Screen const screen(scene, cells, height, 2);
+        Screen const screen(scene, cells, 0, height, 2);
         std::vector<float> pixels(4 * width * height, 5);
         Counters counters;
         std::int64_t count = 0;
         bool middle = false;
         for (int y = 0; y < height; y += 16)
             for (int x = 0; x < width; x += 16)
-                screen.draw({x, y, std::min(x + 16, width), std::min(y + 16, height)}, pixels.data(), counters,
-                            [&](Tile t) {
+                screen.draw(scene, false, {x, y, std::min(x + 16, width), std::min(y + 16, height)}, pixels.data(),
+                            counters, [&](Tile t) {
                                 count += (t.x1 - t.x0) * (t.y1 - t.y0);
                                 middle = middle || (t.x0 <= 100 && t.x1 > 100 && t.y0 <= 80 && t.y1 > 80);
                             });
