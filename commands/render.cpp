@@ -166,7 +166,7 @@ Command render_command() {
           {"Light scattered in it, as in a cloud", "vkt make amr --blocks 300 --levels 4 | vkt render --render-algo "
                                                    "multi-scattering --spp 16 --size 256 -o amr.png"},
           {"Lit from a side, with shadows", "vkt render volume.nrrd --light-direction 1,-1,2 --shadows -o lit.png"},
-          {"Cut by a plane", "vkt render volume.nrrd --clip-plane 1 1 0 40 -o cut.png"},
+          {"Cut by a plane", "vkt render volume.nrrd --clip-plane 1 1 0 0 -o cut.png"},
           {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});
