@@ -56,14 +56,14 @@ public:
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
     std::size_t bytes_held(Header const& header, std::string const& output) const override {
-        render::RenderSettings const settings = options_.settings();
+        render::RenderSettings const settings = this->settings();
         auto const& environment = settings.environment;
         std::size_t const floats = environment ? environment->pixels.size() + environment->column_ends.size() : 0;
         return render::bytes_to_draw(header, settings.tree) + floats * sizeof(float) +
                render::bytes_of_picture(settings, header, picture_options(output));
     }
     std::vector<std::string> explain(Header const& header, std::string const& output) const override {
-        return render::explanation(options_.settings(), header, picture_options(output));
+        return render::explanation(settings(), header, picture_options(output));
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
@@ -166,7 +166,7 @@ Command render_command() {
           {"Light scattered in it, as in a cloud", "vkt make amr --blocks 300 --levels 4 | vkt render --render-algo "
                                                    "multi-scattering --spp 16 --size 256 -o amr.png"},
           {"Lit from a side, with shadows", "vkt render volume.nrrd --light-direction 1,-1,2 --shadows -o lit.png"},
-          {"Cut by a plane", "vkt render volume.nrrd --clip-plane 1 1 0 40 -o cut.png"},
+          {"Cut by a plane", "vkt render volume.nrrd --clip-plane 1 1 0 0 -o cut.png"},
           {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});

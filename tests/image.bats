@@ -162,6 +162,34 @@ b = open('a.png', 'rb').read(); open('cut.png', 'wb').write(b[:-40])"
     [ ! -e no.png ]
 }
 
+@test "a part holds its own rows only, and the count, the budget and the process say so" {
+    vkt render v.nrrd --size 2048x4096 --opacity 0.3 -n -o whole.png 2>plan
+    grep -q ", 176.0 MiB for the picture, " plan
+    vkt render v.nrrd --size 2048x4096 --opacity 0.3 --tiles 2/8 -n -o part.png 2>plan
+    cat plan
+    # A ray and 22 bytes a pixel, of an eighth of the rows.
+    grep -q "on each of 1048576 rays, 22.0 MiB for the picture, " plan
+    fails_with 5 ", 176.0 MiB of it for the picture" vkt render v.nrrd --size 2048x4096 --memory 24M -o whole.png
+    # With fewer rays the rows around a part decide about it, 12 each way.
+    vkt render v.nrrd --size 2048x4096 --tiles 2/8 --leave-out 1 -n -o part.png 2>plan
+    grep -q ", 35.6 MiB for the picture, " plan
+    [ -z "${VKT_SANITIZED:-}" ] || return 0
+    small=$(peak_kib vkt render v.nrrd --size 16 -o small.png)
+    for options in "--leave-out 0" "--leave-out 1"; do
+        # shellcheck disable=SC2086  # an option and its value
+        vkt render v.nrrd --size 1024x4096 -ra ray-marching $options -o whole.png --force
+        for part in 1 2 3 4 5 6 7 8; do
+            # shellcheck disable=SC2086
+            peak=$(peak_kib vkt render v.nrrd --size 1024x4096 -ra ray-marching $options --tiles $part/8 --memory 24M -o part-$part.png --force)
+            echo "part $part: $peak KiB, a small picture $small KiB"
+            [ "$peak" -le $((small + 24 * 1024)) ]
+        done
+        vkt image join 'part-?.png' -o joined.png --force
+        # The text of a part tells how much was left out of it.
+        if [ "$options" = "--leave-out 0" ]; then cmp whole.png joined.png; else vkt image diff whole.png joined.png; fi
+    done
+}
+
 @test "parts that cannot be" {
     fails_with 2 "is not I/N" vkt render v.nrrd --tiles 3 -o a.png
     fails_with 2 "is not I/N" vkt render v.nrrd --tiles -1/3 -o a.png

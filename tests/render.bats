@@ -650,3 +650,29 @@ print(height, width)
 assert max(height, width) >= 68, (height, width)
 assert abs(rows.mean() - 49.5) < 6 and abs(columns.mean() - 49.5) < 6"
 }
+
+@test "what the manual page and the help show as examples shows something, with the phantom" {
+    cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
+    # Any picture of the sky: brighter above, in the oldest form of a Radiance file.
+    /usr/bin/python3 -c "
+open('sky.hdr', 'wb').write(b'#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n' + b''.join(bytes([90, 100, 200 - 40 * y, 129]) * 8 for y in range(4)))"
+    sed -n '/^.Sh EXAMPLES/,/^.Sh SEE/s/^.Dl //p' "$VKT_ROOT/man/vkt-render.1" >page
+    vkt render --examples | grep '^ *vkt ' | sed 's/^ *//' >help
+    [ "$(wc -l <page)" -ge 10 ]
+    [ "$(wc -l <help)" -ge 8 ]
+    for from in page help; do
+        rm -f ./*.png ./*.exr
+        while IFS= read -r line; do
+            [ "$line" != "vkt render volume.nrrd" ] || continue # a window
+            if [[ "$line" == *.exr ]] && ! vkt doctor | grep -q "^ *openexr *there"; then continue; fi
+            if [[ "$line" == *annotate* ]] && ! vkt doctor | grep -q "^ *freetype *there"; then continue; fi
+            [[ "$line" == *--size* ]] || line=${line/ -o/ --size 100 -o} # the same, sooner
+            echo "$line"
+            [ "$from" = page ] || rm -f ./*.png
+            bash -c "$line" </dev/null 2>said
+            cat said
+            # Nothing empty, nothing that was asked for and is not there.
+            if grep -q 'empty\|no surface' said; then false; fi
+        done <"$from"
+    done
+}

@@ -492,6 +492,62 @@ PY
     quits
 }
 
+@test "of a volume that ends early what came stays, and the exit code tells of it once the window is closed" {
+    with_display
+    vkt make noise --dims 64 64 64 --dtype uint8 -o noise.nrrd
+    vkt read noise.nrrd --transport pipe --slab 4 >whole.vkt
+    head -c 160000 whole.vkt >cut.vkt
+    for input in '<cut.vkt vkt render' 'vkt fill cut.vkt --value 9 --roi 0:1,0:1,0:1 | vkt render'; do
+        printf '%s\n' "$input --size 64 --window" 'echo "code $?"' >show.sh
+        on_terminal "bash show.sh" &
+        command=$!
+        finds_window ' at [1-9][0-9]* of 64 slices.*ended early'
+        xdotool mousemove --window "$window" 32 32 mousedown 1 mousemove_relative 10 6 mouseup 1
+        sleep 0.5
+        xdotool key s
+        finds_window 'nothing is saved: the volume is not whole'
+        quits
+        cat log
+        grep -q 'code 3' log
+        [ "$(grep -c 'ended early' log)" -eq 1 ]
+        [ -z "$(ls ./*.png 2>/dev/null)" ]
+    done
+    # The next one cannot be had, but this one can still be seen.
+    cat whole.vkt cut.vkt >second.vkt
+    printf '%s\n' '<second.vkt vkt render --size 64 --window' 'echo "code $?"' >show.sh
+    on_terminal "bash show.sh" &
+    command=$!
+    finds_window
+    titled ' ms'
+    xdotool key n
+    finds_window ' at [1-9][0-9]* of 64 slices.*ended early'
+    xdotool key n
+    finds_window 'this is the last volume'
+    quits
+    grep -q 'code 3' log
+}
+
+@test "a click and a drag, or two drags, are no double click" {
+    with_display
+    opens
+    camera() { xdotool key p; sleep 0.4; command_of | grep -o -- '--target [^ ]*' || true; }
+    xdotool mousemove --window "$window" 160 120 mousedown 1 mousemove_relative 20 0 mouseup 1
+    turned=$(camera)
+    [ -n "$turned" ]
+    xdotool click 1 mousedown 1 mousemove_relative 40 0 mouseup 1
+    sleep 0.4
+    xdotool mousedown 1 mousemove_relative -- -40 0 mouseup 1 mousedown 1 mousemove_relative -- -30 10 mouseup 1
+    again=$(camera)
+    echo "$turned, then $again"
+    [ "$again" = "$turned" ]
+    sleep 0.4
+    xdotool mousemove --window "$window" 170 125 click --repeat 2 --delay 40 1
+    picked=$(camera)
+    [ -n "$picked" ]
+    [ "$picked" != "$turned" ]
+    quits
+}
+
 @test "surfaces of values beyond those of single precision have sliders, too" {
     with_display
     /usr/bin/python3 -c "

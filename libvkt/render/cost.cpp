@@ -7,6 +7,7 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/render/categories.h"
 #include "libvkt/render/settings.h"
+#include "libvkt/render/sparse.h"
 
 #include <algorithm>
 #include <cmath>
@@ -86,13 +87,16 @@ std::size_t bytes_of_picture(RenderSettings const& settings, Header const& heade
         drawing = sums + 2 * light + 10; // halvings of the step, errors, rays; lists of pixels
     else if (may_leave_out(settings, header))
         drawing = light + 2; // corners of blocks of 16
+    PartRows const part = rows_of_part(settings);
+    int rows = part.last - part.first;
+    if (may_leave_out(settings, header)) rows = std::min(settings.height, rows + 2 * sparse_halo);
     int const layers = !has_layers ? 0 : surfaces ? 7 : paths ? 4 : 1, channels = settings.background.alpha < 1 ? 4 : 3;
     int const making = !has_layers ? 0 : surfaces ? 2 * light : light;
     int const kept = layers * static_cast<int>(sizeof(float)) + (paths && has_layers ? 12 : 0); // variances
     int encoding = 2 * channels * (file.depth == 16 ? 2 : 1);                                   // and the file
     if (exr) encoding = 2 * (channels + layers) * static_cast<int>(sizeof(float));
     if (file.format == PictureFormat::pfm) encoding = 2 * 3 * static_cast<int>(sizeof(float));
-    return static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height) *
+    return static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(rows) *
            static_cast<std::size_t>(light + kept + std::max({drawing, making, encoding}));
 }
 
@@ -121,7 +125,8 @@ std::size_t memory_for_blocks(Header const& header, Execution const& execution) 
 }
 
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header, PictureOptions const& file) {
-    std::int64_t const rays = std::int64_t{settings.width} * settings.height;
+    PartRows const rows = rows_of_part(settings);
+    std::int64_t const rays = std::int64_t{settings.width} * (rows.last - rows.first);
     auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
     std::string method, cost;
     if (settings.algorithm == Algorithm::multi_scattering) {

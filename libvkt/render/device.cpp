@@ -189,7 +189,7 @@ Quality draw_on_gpus(Drawing const& drawing, std::vector<DrawingGpu> const& gpus
     auto const count_of_gpus = static_cast<int>(gpus.size());
     for (int i = 0; i < count_of_gpus; ++i)
         parts.emplace_back(gpus[static_cast<std::size_t>(i)],
-                           Bands{{0, drawing.first_row, image.width, drawing.last_row}, i, count_of_gpus}, image);
+                           Bands{{0, 0, image.width, image.height}, i, count_of_gpus}, image);
     Quality quality;
     auto const draw = [&](auto const& launch) {
         auto const start = std::chrono::steady_clock::now();

@@ -23,13 +23,11 @@ struct PathTile {
     std::int64_t pixels() const { return std::int64_t{tile.x1 - tile.x0} * (tile.y1 - tile.y0); }
 };
 
-/// Those of the part that is drawn.
-std::vector<PathTile> tiles_of(Drawing const& drawing, int width, int wanted, int side = tile_side) {
+std::vector<PathTile> tiles_of(int width, int height, int wanted, int side = tile_side) {
     std::vector<PathTile> tiles;
-    int const last = drawing.last_row;
-    for (int y = drawing.first_row; y < last; y += side)
+    for (int y = 0; y < height; y += side)
         for (int x = 0; x < width; x += side)
-            tiles.push_back({{x, y, std::min(x + side, width), std::min(y + side, last)}, wanted, 0});
+            tiles.push_back({{x, y, std::min(x + side, width), std::min(y + side, height)}, wanted, 0});
     return tiles;
 }
 
@@ -102,7 +100,7 @@ class Paths {
 public:
     Paths(Drawing const& drawing, Image& image, Counters& total)
         : drawing_(drawing), image_(image), crew_(drawing, total), levels_(drawing.background),
-          tiles_(tiles_of(drawing, image.width, drawing.scene.samples)), light_(image.pixels.size()),
+          tiles_(tiles_of(image.width, image.height, drawing.scene.samples)), light_(image.pixels.size()),
           odd_(image.pixels.size()) {}
 
     Quality draw() {
@@ -171,7 +169,7 @@ private:
     void plan() {
         std::vector<double> light(light_.size()), squares(light_.size());
         std::vector<float> pixels(image_.pixels.size());
-        std::vector<PathTile> pilots = tiles_of(drawing_, image_.width, drawing_.scene.samples);
+        std::vector<PathTile> pilots = tiles_of(image_.width, image_.height, drawing_.scene.samples);
         SceneView scene = drawing_.scene;
         scene.seed ^= 0x9e3779b97f4a7c15U; // other paths than those of the picture
         scene.sums = {light.data(), nullptr, squares.data(), {}};
@@ -365,7 +363,7 @@ private:
 Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     // Many paths make a tile long; a small one hears sooner that it is to stop.
     bool const paths = drawing.scene.samples > 1024;
-    std::vector<PathTile> tiles = tiles_of(drawing, image.width, 1, paths ? tile_side / 8 : tile_side);
+    std::vector<PathTile> tiles = tiles_of(image.width, image.height, 1, paths ? tile_side / 8 : tile_side);
     Crew crew(drawing, total);
     std::int64_t drawn = 0;
     crew.work(static_cast<std::int64_t>(tiles.size()), true, 0, 1, [&](std::int64_t i, Counters& counters) {
@@ -376,14 +374,13 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     for (PathTile const& t : tiles) drawn += t.done * t.pixels();
     Quality q;
     q.stopped = crew.stopped();
-    q.undrawn =
-        1 - static_cast<double>(drawn) / (static_cast<double>(image.width) * (drawing.last_row - drawing.first_row));
+    q.undrawn = 1 - static_cast<double>(drawn) / (static_cast<double>(image.width) * image.height);
     return q;
 }
 
 Quality quality_of_paths(Drawing const& drawing, int width, int paths, std::vector<double> const& light,
                          std::vector<double> const& odd) {
-    std::vector<PathTile> tiles = tiles_of(drawing, width, paths);
+    std::vector<PathTile> tiles = tiles_of(width, static_cast<int>(light.size() / 4) / width, paths);
     for (PathTile& t : tiles) t.done = paths;
     return quality_of(tiles, width, light, odd, Levels(drawing.background), 0);
 }

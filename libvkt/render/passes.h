@@ -17,8 +17,9 @@ inline constexpr int tile_side = 16;
 /// Most paths per pixel where --noise or --time decide, and most rays of a pixel with --tolerance.
 inline constexpr int most_paths = 1 << 20, most_rays = 1024;
 
-/// One picture that is being drawn. `draw` writes the pixels of a tile, four floats each, into an image of the
-/// picture's size and may be called by many threads at once.
+/// One picture, or a part of one, that is being drawn. `draw` writes the pixels of a tile, four floats each, into an
+/// image of the picture's width, whose first row is row scene.frame.top of the picture, and may be called by many
+/// threads at once.
 struct Drawing {
     using Draw = std::function<void(SceneView const& scene, Tile tile, float* pixels, Counters& counters)>;
     Draw draw;
@@ -26,7 +27,6 @@ struct Drawing {
     Background background; ///< over which errors are measured
     Goal goal;
     Watch watch;
-    int first_row = 0, last_row = 0; ///< the part that is drawn, [first, last): whole tiles, but for the last one
     int threads = 1;
     /// Of paths: if not null, three planes of the variance of each pixel's mean, over the background; 0 where one path
     /// is all there is.

@@ -11,6 +11,7 @@
 #include "libvkt/render/cost.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/prepared.h"
+#include "libvkt/render/screen.h"
 #include "libvkt/render/sparse.h"
 
 #include <algorithm>
@@ -207,13 +208,13 @@ Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Wa
     return draw(settings, report, watch, nullptr, true);
 }
 
-std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integrator, TreeView const& tree) const {
+std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Image const& picture, Integrator integrator,
+                                       TreeView const& tree) const {
     std::vector<Layer> layers;
-    int const width = static_cast<int>(drawing.scene.frame.width),
-              height = static_cast<int>(drawing.scene.frame.height);
-    std::size_t const count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    int const width = picture.width;
+    std::size_t const count = picture.pixels.size() / 4;
     auto const drawn = [&](Integrator what) {
-        Image image{width, height, std::vector<float>(4 * count)};
+        Image image{width, picture.height, std::vector<float>(4 * count)};
         Drawing one = drawing;
         one.draw = [&](SceneView const& view, Tile tile, float* pixels, Counters& counters) {
             if (tree_)
@@ -310,28 +311,40 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                                   : settings.exact                                    ? Integrator::exact
                                                                                       : Integrator::march;
 
+    PartRows const rows = rows_of_part(settings);
+    scene.frame.top = rows.first;
+    Image image{settings.width, rows.last - rows.first, {}};
+    image.pixels.resize(4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
     if (accumulation != nullptr && integrator == Integrator::scatter) {
-        if (accumulation->samples == 0)
-            accumulation->sums.assign(
-                4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height), 0);
+        if (accumulation->samples == 0) accumulation->sums.assign(image.pixels.size(), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;
         scene.sums.light = accumulation->sums.data();
         scene.before = accumulation->samples;
         accumulation->samples += settings.samples;
     }
 
-    PartRows const rows = rows_of_part(settings);
-    Image image{settings.width, settings.height, {}};
-    image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     bool const layers = settings.layers && report != nullptr && !projected;
     bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
-    // Until something is drawn there: a GPU draws all of a picture at once.
-    for (std::size_t i = 3; i < image.pixels.size() && !(with_gpu && settings.parts == 1); i += 4) image.pixels[i] = 1;
+    // Until something is drawn there: a GPU draws all of it at once.
+    for (std::size_t i = 3; i < image.pixels.size() && !with_gpu; i += 4) image.pixels[i] = 1;
+    // Most rays may pass no cell in which something can be seen, and are not worth following.
+    bool const marched = integrator == Integrator::march;
+    std::optional<Screen> screen;
+    if ((integrator == Integrator::iso || marched) && !tree_ && !with_gpu && settings.skip) {
+        // Marched with fewer rays, some rows around a part are drawn, too.
+        int const first = std::max(0, rows.first - 2 * sparse_halo);
+        screen.emplace(scene, cells, first, std::min(settings.height, rows.last + 2 * sparse_halo) - first,
+                       execution_.threads);
+    }
     Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
                      of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
                                                                             float* pixels, Counters& counters) {
                         if (tree_)
                             of_tree(view, tree, integrator, tile, pixels, image.width, counters);
+                        else if (screen && view.sums.squares == nullptr)
+                            screen->draw(view, marched, tile, pixels, counters, [&](Tile part) {
+                                of_lattice(view, lattice_.view, integrator, part, pixels, image.width, counters);
+                            });
                         else
                             of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
                     },
@@ -339,8 +352,6 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                     settings.background,
                     settings.goal,
                     watch,
-                    rows.first,
-                    rows.last,
                     execution_.threads,
                     nullptr,
                     start};
@@ -392,22 +403,11 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->savings = savings;
         tell(*report, settings, *ready, drawn);
         report->camera = camera;
-        if (layers && !quality.stopped) report->layers = layers_of(drawing, integrator, tree);
+        if (layers && !quality.stopped) report->layers = layers_of(drawing, image, integrator, tree);
         if (report->lossy.empty() && !quality.stopped && settings.parts == 1 && is_empty(image))
             report->lossy.emplace_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->render_seconds = seconds_since(start);
         report->gpu_seconds = gpu_seconds;
-    }
-    if (settings.parts > 1) {
-        auto const cut = [&](std::vector<float>& pixels, std::size_t channels) {
-            std::size_t const row = channels * static_cast<std::size_t>(settings.width);
-            pixels.resize(row * static_cast<std::size_t>(rows.last));
-            pixels.erase(pixels.begin(), pixels.begin() + static_cast<std::ptrdiff_t>(row) * rows.first);
-        };
-        cut(image.pixels, 4);
-        image.height = rows.last - rows.first;
-        if (report != nullptr)
-            for (Layer& layer : report->layers) cut(layer.values, 1);
     }
     return image;
 }

@@ -222,8 +222,9 @@ private:
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
-    /// As `drawing` draws them with another integrator; `tree` is that of a hierarchical volume.
-    std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator, TreeView const& tree) const;
+    /// Those of the picture that `drawing` drew with another integrator; `tree` is that of a hierarchical volume.
+    std::vector<Layer> layers_of(Drawing const& drawing, Image const& picture, Integrator integrator,
+                                 TreeView const& tree) const;
     /// All of a report that does not depend on the pixels; its quality and savings are there.
     void tell(RenderReport& report, RenderSettings const& settings, Prepared const& ready, Drawn const& drawn) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,

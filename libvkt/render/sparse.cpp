@@ -19,7 +19,6 @@ constexpr int side = 4;               ///< of a block, in pixels
 constexpr int per_tile = 16 / side;   ///< blocks of a tile, each way
 constexpr double longest_segment = 4; ///< voxels; what samplers are made for
 constexpr int most_doublings = 3;     ///< of the step
-constexpr int halo = 3;               ///< corners beyond a part that decide about its blocks
 
 /// Levels of linear light by a table, to 1e-4 of one: many are asked for.
 class Curve {
@@ -59,40 +58,44 @@ class Sparse {
 public:
     Sparse(Drawing const& drawing, double tolerance, Image& image, Counters& total)
         : drawing_(drawing), image_(image), crew_(drawing, total), tolerance_(static_cast<float>(tolerance)),
-          nx_((image.width - 1) / side), ny_((image.height - 1) / side), first_(drawing.first_row / side),
-          last_((drawing.last_row + side - 1) / side) {
+          first_row_(drawing.scene.frame.top), last_row_(first_row_ + image.height), nx_((image.width - 1) / side),
+          ny_((static_cast<int>(drawing.scene.frame.height) - 1) / side), first_(first_row_ / side),
+          last_((last_row_ + side - 1) / side), corner_rows_{std::max(0, first_ - sparse_halo / side),
+                                                             std::min(ny_, last_ + sparse_halo / side) + 1} {
         Levels const levels(drawing.background);
         for (std::size_t c = 0; c < 3; ++c) behind_[c] = static_cast<float>(levels.behind(c));
         for (int k = 0; k < side; ++k) weights_[k] = cubic_weights(static_cast<float>(k) / side);
-        std::size_t const corners = index(nx_, ny_) + 1;
+        std::size_t const corners = index(nx_, corner_rows_.last - 1) + 1;
         level_.resize(corners);
         doublings_.resize(corners);
         bend_.resize(corners);
         blocks_.resize(corners); // the last of a row and of a column are cut off by the picture's edge
+        hold(corner_rows_.first * side, std::max(last_row_, (corner_rows_.last - 1) * side + 1));
         coarse_.resize(image.pixels.size());
         for (int k = 0; k <= most_doublings; ++k) {
             scenes_.push_back(drawing.scene);
             scenes_.back().step = std::ldexp(drawing.scene.step, k);
+            scenes_.back().frame.top = top_;
             if (static_cast<double>(scenes_.back().step) <= longest_segment) most_ = k;
         }
     }
 
     Quality draw(Savings& savings) {
         // Corners that have to do with the part, and blocks.
-        Range const corners{std::max(0, first_ - halo), std::min(ny_, last_ + halo) + 1};
-        tiles(corners, nx_ + 1, 2 * per_tile, 0, 0.2,
+        tiles(corner_rows_, nx_ + 1, 2 * per_tile, 0, 0.2,
               [&](int i, int j, Counters& counters, Tally&) { draw_corner(i, j, counters); });
-        for (int j = corners.first; j < corners.last; ++j)
-            for (int i = 0; i <= nx_; ++i) bend_[index(i, j)] = bend(i, j, corners);
+        for (int j = corner_rows_.first; j < corner_rows_.last; ++j)
+            for (int i = 0; i <= nx_; ++i) bend_[index(i, j)] = bend(i, j);
         Range const near{std::max(0, first_ - 1), std::min(ny_, last_ + 1)};
         tiles(near, nx_, per_tile, 0.2, 0.1,
               [&](int i, int j, Counters& counters, Tally&) { look_at(i, j, counters); });
         Range const own{first_, std::min(ny_ + 1, last_)};
         Tally const all = tiles(own, nx_ + 1, per_tile, 0.3, 0.7,
                                 [&](int i, int j, Counters& counters, Tally& tally) { finish(i, j, counters, tally); });
+        hold(first_row_, last_row_);
         Quality q;
         q.stopped = crew_.stopped();
-        double const pixels = static_cast<double>(image_.width) * (drawing_.last_row - drawing_.first_row);
+        double const pixels = static_cast<double>(image_.width) * image_.height;
         double const drawn = static_cast<double>(all.drawn), filled = static_cast<double>(all.filled);
         q.undrawn = std::max(0.0, 1 - (drawn + filled) / pixels);
         q.rays = drawn / pixels;
@@ -114,12 +117,30 @@ private:
         std::int64_t drawn = 0, longer = 0, filled = 0;
     };
 
+    /// Makes the image hold these rows of the picture.
+    void hold(int first, int last) {
+        auto const floats = [&](int rows) { return 4 * static_cast<std::ptrdiff_t>(rows) * image_.width; };
+        image_.pixels.reserve(static_cast<std::size_t>(floats(last - std::min(first, top_))));
+        if (first < top_)
+            image_.pixels.insert(image_.pixels.begin(), static_cast<std::size_t>(floats(top_ - first)), 0.0F);
+        else
+            image_.pixels.erase(image_.pixels.begin(), image_.pixels.begin() + floats(first - top_));
+        top_ = first;
+        image_.height = last - first;
+        image_.pixels.resize(static_cast<std::size_t>(floats(image_.height)));
+    }
+
+    // Rows are those of the picture.
     std::size_t index(int i, int j) const {
-        return static_cast<std::size_t>(j) * static_cast<std::size_t>(nx_ + 1) + static_cast<std::size_t>(i);
+        return static_cast<std::size_t>(j - corner_rows_.first) * static_cast<std::size_t>(nx_ + 1) +
+               static_cast<std::size_t>(i);
     }
     float* pixel(std::vector<float>& pixels, int x, int y) const {
-        return pixels.data() +
-               4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image_.width) + static_cast<std::size_t>(x));
+        return pixels.data() + 4 * (static_cast<std::size_t>(y - top_) * static_cast<std::size_t>(image_.width) +
+                                    static_cast<std::size_t>(x));
+    }
+    void draw_pixels(SceneView const& scene, Tile tile, std::vector<float>& pixels, Counters& counters) const {
+        drawing_.draw(scene, {tile.x0, tile.y0 - top_, tile.x1, tile.y1 - top_}, pixels.data(), counters);
     }
     Levels3 levels_of(float const* light) const {
         Levels3 levels;
@@ -147,11 +168,11 @@ private:
     void draw_corner(int i, int j, Counters& counters) {
         int const x = side * i, y = side * j;
         Tile const tile{x, y, x + 1, y + 1};
-        drawing_.draw(scenes_[0], tile, image_.pixels.data(), counters);
+        draw_pixels(scenes_[0], tile, image_.pixels, counters);
         Levels3 const level = levels_of(pixel(image_.pixels, x, y));
         int longest = 0;
         while (longest < most_) {
-            drawing_.draw(scenes_[static_cast<std::size_t>(longest) + 1], tile, coarse_.data(), counters);
+            draw_pixels(scenes_[static_cast<std::size_t>(longest) + 1], tile, coarse_, counters);
             if (!(apart(levels_of(pixel(coarse_, x, y)), level) <= step_share * tolerance_)) break;
             ++longest;
         }
@@ -160,14 +181,14 @@ private:
     }
 
     /// The largest second difference at a corner.
-    float bend(int i, int j, Range rows) const {
+    float bend(int i, int j) const {
         float most = 0;
         auto const along = [&](std::size_t before, std::size_t here, std::size_t behind) {
             for (std::size_t c = 0; c < 3; ++c)
                 most = std::max(most, std::abs(level_[before][c] - 2 * level_[here][c] + level_[behind][c]));
         };
         if (i > 0 && i < nx_) along(index(i - 1, j), index(i, j), index(i + 1, j));
-        if (j > rows.first && j + 1 < rows.last) along(index(i, j - 1), index(i, j), index(i, j + 1));
+        if (j > corner_rows_.first && j + 1 < corner_rows_.last) along(index(i, j - 1), index(i, j), index(i, j + 1));
         return most;
     }
 
@@ -187,8 +208,7 @@ private:
         block.bends = own > smooth * tolerance_;
         if (block.bends) return;
         int const x = side * i + side / 2, y = side * j + side / 2;
-        drawing_.draw(scenes_[static_cast<std::size_t>(block.doublings)], {x, y, x + 1, y + 1}, image_.pixels.data(),
-                      counters);
+        draw_pixels(scenes_[static_cast<std::size_t>(block.doublings)], {x, y, x + 1, y + 1}, image_.pixels, counters);
         Light between;
         Cubic(*this, i, j).at(side / 2, side / 2, between);
         block.missed = apart(levels_of(between.data()), levels_of(pixel(image_.pixels, x, y)));
@@ -220,7 +240,7 @@ private:
         auto const outside = [&](int a, int last) { return a < 0 ? 1 : a > last ? -1 : 0; };
         if (int const way = outside(i, nx_); way != 0) return straight(beyond(i + way, j), beyond(i + 2 * way, j));
         if (int const way = outside(j, ny_); way != 0) return straight(beyond(i, j + way), beyond(i, j + 2 * way));
-        float const* const p = image_.at(side * i, side * j);
+        float const* const p = pixel(image_.pixels, side * i, side * j);
         return {p[0], p[1], p[2], p[3]};
     }
     static Light straight(Light const& near, Light const& far) {
@@ -232,7 +252,7 @@ private:
     /// All pixels of a block but its corner, and its middle where that is drawn.
     void finish(int i, int j, Counters& counters, Tally& tally) {
         int const x0 = side * i, y0 = side * j;
-        int const x1 = std::min(x0 + side, image_.width), y1 = std::min(y0 + side, drawing_.last_row);
+        int const x1 = std::min(x0 + side, image_.width), y1 = std::min(y0 + side, last_row_);
         std::int64_t const pixels = std::int64_t{x1 - x0} * (y1 - y0);
         if (i == nx_ || j == ny_) { // no block
             draw_around_corner(scenes_[0], x0, y0, x1, y1, image_.pixels, counters);
@@ -272,7 +292,7 @@ private:
                     ++tally.longer;
                     continue;
                 }
-                drawing_.draw(scenes_[0], {x, y, x + 1, y + 1}, image_.pixels.data(), counters);
+                draw_pixels(scenes_[0], {x, y, x + 1, y + 1}, image_.pixels, counters);
             }
     }
 
@@ -286,8 +306,8 @@ private:
     }
     void draw_around_corner(SceneView const& scene, int x0, int y0, int x1, int y1, std::vector<float>& pixels,
                             Counters& counters) const {
-        if (x0 + 1 < x1) drawing_.draw(scene, {x0 + 1, y0, x1, y0 + 1}, pixels.data(), counters);
-        if (y0 + 1 < y1) drawing_.draw(scene, {x0, y0 + 1, x1, y1}, pixels.data(), counters);
+        if (x0 + 1 < x1) draw_pixels(scene, {x0 + 1, y0, x1, y0 + 1}, pixels, counters);
+        if (y0 + 1 < y1) draw_pixels(scene, {x0, y0 + 1, x1, y1}, pixels, counters);
     }
 
     // Shares of the tolerance, and multiples of it: chosen by what they make of the tests' scenes and of those of the
@@ -299,9 +319,12 @@ private:
     Crew crew_;
     Curve curve_;
     float tolerance_;
-    int nx_, ny_;      ///< blocks; of corners there is one more each way
-    int first_, last_; ///< rows of blocks of the part
-    int most_ = 0;     ///< doublings
+    int first_row_, last_row_; ///< of the part
+    int nx_, ny_;              ///< blocks; of corners there is one more each way
+    int first_, last_;         ///< rows of blocks of the part
+    Range corner_rows_;        ///< those that have to do with it
+    int top_ = first_row_;     ///< the row that the image begins with
+    int most_ = 0;             ///< doublings
     std::array<float, 3> behind_;
     std::array<std::array<float, 4>, side> weights_;
     std::vector<Levels3> level_; ///< of corners

@@ -6,6 +6,9 @@
 
 namespace vkt::render {
 
+/// Rows beyond a part, each way, that decide about its pixels and are held with it.
+inline constexpr int sparse_halo = 12;
+
 /// The picture of draw_once() by marching, every pixel of it within about `tolerance` levels of 8-bit display over an
 /// opaque background. Blocks of 4 x 4 pixels are looked at; their corners are drawn as asked for, and also with 2, 4
 /// and 8 times the step, as long as that changes them by less than a part of the tolerance. The other pixels of a

@@ -59,7 +59,7 @@ Header const& ArrivingVolumes::header() const { return part_ ? part_->header() :
 
 void ArrivingVolumes::settle() {
     if (reader_.joinable()) reader_.join();
-    if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
+    if (failure_) end_early(std::exchange(failure_, nullptr), here_);
 }
 
 bool ArrivingVolumes::next() {
@@ -67,14 +67,17 @@ bool ArrivingVolumes::next() {
     if (!open_()) return false;
     renderer_.reset();
     part_.reset();
+    broken_.reset();
     header_ = source_.header();
     shown_ = here_ = 0;
     complete_ = finished_ = false;
     std::optional<Volume> whole;
-    if (header_.kind == Kind::hierarchical)
-        whole = load(source_, execution_);
-    else
-        whole = source_.take_whole();
+    try {
+        whole = header_.kind == Kind::hierarchical ? load(source_, execution_) : source_.take_whole();
+    } catch (std::exception const& error) {
+        broken_ = Broken{std::current_exception(), error.what()};
+        throw;
+    }
     if (whole) {
         volume_ = std::move(*whole);
         here_ = header_.dims.z;
@@ -121,8 +124,34 @@ void ArrivingVolumes::read() {
     changed_.notify_all();
 }
 
+/// Makes the lower slices ready. Those without finite voxels show nothing, and are no mistake as long as more may come.
+void ArrivingVolumes::show_slices(std::int64_t here) {
+    Header lower = header_;
+    lower.dims.z = here;
+    ConstView const slices = static_cast<Volume const&>(volume_).view().part({{0, 0, 0}, lower.dims});
+    try {
+        renderer_.reset();
+        renderer_ = std::make_shared<render::Renderer>(lower, slices, execution_);
+        shown_ = here;
+    } catch (Error const& error) {
+        if (error.kind() != ErrorKind::data) throw;
+    }
+}
+
+Arrival ArrivingVolumes::end_early(std::exception_ptr const& failure, std::int64_t here) {
+    if (here > shown_) show_slices(here);
+    if (renderer_ == nullptr) std::rethrow_exception(failure);
+    try {
+        std::rethrow_exception(failure);
+    } catch (std::exception const& error) {
+        broken_ = Broken{failure, error.what()};
+    }
+    return {shown_, header_.dims.z, true, broken_->text};
+}
+
 Arrival ArrivingVolumes::arrive() {
     if (complete_) return {header_.dims.z, header_.dims.z, true};
+    if (broken_) return {shown_, header_.dims.z, true, broken_->text};
     std::int64_t here = 0;
     bool finished = false;
     {
@@ -133,10 +162,10 @@ Arrival ArrivingVolumes::arrive() {
         changed_.wait_for(lock, std::chrono::duration<double>(std::min(wait + 0.02, 0.25)), something);
         if (failure_) {
             std::exception_ptr const failure = std::exchange(failure_, nullptr);
-            finished_ = true;
+            here = here_;
             lock.unlock();
             if (reader_.joinable()) reader_.join();
-            std::rethrow_exception(failure);
+            return end_early(failure, here);
         }
         here = here_, finished = finished_;
     }
@@ -151,23 +180,14 @@ Arrival ArrivingVolumes::arrive() {
     bool const enough = here - shown_ >= std::max<std::int64_t>(1, header_.dims.z / pictures);
     if (enough && now() >= next_time_) {
         double const start = now();
-        Header lower = header_;
-        lower.dims.z = here;
-        ConstView const slices = static_cast<Volume const&>(volume_).view().part({{0, 0, 0}, lower.dims});
-        // A part without finite voxels shows nothing, and is no mistake as long as more may come.
-        try {
-            renderer_.reset();
-            renderer_ = std::make_shared<render::Renderer>(lower, slices, execution_);
-            shown_ = here;
-        } catch (Error const& error) {
-            if (error.kind() != ErrorKind::data) throw;
-        }
+        show_slices(here);
         next_time_ = now() + std::max(0.25, 3 * (now() - start));
     }
     return {shown_, header_.dims.z, false};
 }
 
 void ArrivingVolumes::magnify(Box const& part, StageInfo const& stage) {
+    if (broken_) throw Error(ErrorKind::usage, "the volume is not whole");
     if (!complete_) throw Error(ErrorKind::usage, "the volume is still on its way");
     if (part.empty()) {
         if (!part_) return;

@@ -29,10 +29,13 @@ public:
     ArrivingVolumes& operator=(ArrivingVolumes const&) = delete;
 
     bool next();
-    /// Waits until the volume has come to its end; throws what went wrong on the reading thread.
+    /// Waits until the volume has come to its end, or to that of what can be read.
     void settle();
-    /// Waits a little for something new and makes it ready; throws what went wrong on the reading thread.
+    /// Waits a little for something new and makes it ready. What went wrong on the reading thread is thrown where
+    /// nothing can be shown; otherwise it is told, and what came before stays.
     Arrival arrive();
+    /// Why the volume ended early; null if it did not, or not yet.
+    std::exception_ptr ended_early() const { return broken_ ? broken_->why : nullptr; }
     /// Of what is shown: the whole volume's, or that of its part.
     Header const& header() const;
     /// Null until the first slices are there.
@@ -44,8 +47,16 @@ public:
     void magnify(Box const& part, StageInfo const& stage);
 
 private:
+    /// A volume that ended early.
+    struct Broken {
+        std::exception_ptr why;
+        std::string text;
+    };
+
     void read();
     void stop();
+    void show_slices(std::int64_t here);
+    Arrival end_early(std::exception_ptr const& failure, std::int64_t here);
 
     Source& source_;
     Execution execution_;
@@ -57,6 +68,7 @@ private:
     std::optional<Volume> part_; ///< that is shown instead
     std::int64_t shown_ = 0;     ///< slices that the renderer has
     bool complete_ = false;      ///< and it is one of the whole volume
+    std::optional<Broken> broken_;
     double prepare_seconds_ = 0, next_time_ = 0;
 
     std::thread reader_;

@@ -12,6 +12,7 @@
 #include <limits>
 #include <numbers>
 #include <string_view>
+#include <utility>
 
 namespace vkt::shell::viewer {
 
@@ -328,6 +329,24 @@ std::string output_word(std::string const& input_name, bool several) {
     for (char const c : name) word += c == '%' ? std::string("%%") : std::string(1, c);
     if (several) word.replace(word.size() - first.size(), first.size(), any);
     return shell_quoted(word);
+}
+
+void DoubleClick::press(double x, double y, double now) {
+    constexpr double soon = 0.3;
+    bool const near = std::hypot(x - x_, y - y_) <= slack_;
+    if (before_ && (!near || now - *before_ >= soon)) before_.reset();
+    x_ = x, y_ = y, pressed_ = now;
+    still_ = true;
+}
+
+void DoubleClick::move(double x, double y) {
+    if (std::hypot(x - x_, y - y_) > slack_) still_ = false;
+}
+
+bool DoubleClick::release() {
+    bool const click = std::exchange(still_, false), second = click && before_;
+    before_ = click && !second ? std::optional(pressed_) : std::nullopt;
+    return second;
 }
 
 } // namespace vkt::shell::viewer

@@ -93,4 +93,22 @@ std::string free_picture_name(std::string const& input_name);
 /// The same as a word of a command line; of `several` volumes with a place for their number, as in "NAME-%04d.png".
 std::string output_word(std::string const& input_name, bool several);
 
+/// Tells a double click from drags: two clicks at one place, soon after each other, between whose press and release the
+/// pointer rests. Seconds and points of the screen.
+class DoubleClick {
+public:
+    /// `slack`: how far a hand at rest may move.
+    explicit DoubleClick(double slack = 3) : slack_(slack) {}
+    void press(double x, double y, double now);
+    void move(double x, double y);
+    /// Whether this was the second one.
+    bool release();
+
+private:
+    double slack_;
+    double x_ = 0, y_ = 0, pressed_ = 0; ///< of the last press
+    std::optional<double> before_;       ///< when the button was pressed for the click before
+    bool still_ = false;
+};
+
 } // namespace vkt::shell::viewer

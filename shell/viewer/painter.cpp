@@ -227,7 +227,7 @@ void Painter::publish(Request const& request, Picture picture, double effort) {
     frame.arrival = arrival_;
     frame.turn = turn_;
     full_.reset();
-    if (effort >= 1 && arrival_.complete) full_ = std::move(picture);
+    if (effort >= 1 && arrival_.complete && arrival_.failure.empty()) full_ = std::move(picture);
     {
         std::lock_guard const lock(mutex_);
         frame_ = std::move(frame);
@@ -236,6 +236,10 @@ void Painter::publish(Request const& request, Picture picture, double effort) {
 }
 
 void Painter::save_picture(Request const& request) {
+    if (!arrival_.failure.empty()) {
+        tell("nothing is saved: the volume is not whole");
+        return;
+    }
     // A file that cannot be written is no reason to lose the window.
     try {
         if (request.number != shown_ || !full_) {
@@ -254,9 +258,16 @@ void Painter::save_picture(Request const& request) {
 
 void Painter::open(Turn turn) {
     bool const back = turn == Turn::previous;
-    bool const there = back ? scene_.previous() : scene_.next() || (turn == Turn::around && scene_.first_again());
-    if (!there) {
-        tell(back ? no_previous_volume : no_next_volume);
+    try {
+        bool const there = back ? scene_.previous() : scene_.next() || (turn == Turn::around && scene_.first_again());
+        if (!there) {
+            tell(back ? no_previous_volume : no_next_volume);
+            return;
+        }
+    } catch (Error const& error) {
+        // What is on the screen is no worse for what does not follow.
+        tell(error.what());
+        arrival_ = scene_.arrive();
         return;
     }
     ++turn_;

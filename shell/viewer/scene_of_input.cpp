@@ -6,10 +6,12 @@
 #include "shell/viewer/arriving.h"
 #include "shell/viewer/viewer.h"
 
+#include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
 #include <cstdint>
+#include <exception>
 #include <utility>
 
 namespace vkt::shell::viewer {
@@ -60,14 +62,23 @@ public:
                     output_word(input(), several()));
     }
     bool next() override {
-        bool const more = volumes_.next();
-        if (more) most_ = std::max(most_, ++shown_);
-        return more;
+        volumes_.settle();
+        if (keep_failure()) return false; // nobody knows what is behind it
+        try {
+            bool const more = volumes_.next();
+            if (more) most_ = std::max(most_, ++shown_);
+            return more;
+        } catch (std::exception const&) {
+            if (most_ == 0) throw;
+            failure_ = std::current_exception();
+            throw Error(ErrorKind::data, "the next volume cannot be read");
+        }
     }
     bool first_again() override { return most_ > 1 && back_to(0); }
     bool previous() override {
         if (shown_ < 2) return false;
         volumes_.settle();
+        keep_failure();
         return back_to(shown_ - 2);
     }
     Arrival arrive() override { return volumes_.arrive(); }
@@ -75,8 +86,19 @@ public:
         return volumes_.partial() ? nullptr : volumes_.renderer();
     }
     void magnify(Box const& part) override { volumes_.magnify(part, context_.stage_info()); }
+    /// The first volume that ended early, of those that were shown nevertheless, is what the command ends with.
+    void rethrow_failure() {
+        keep_failure();
+        if (failure_) std::rethrow_exception(failure_);
+    }
 
 private:
+    /// Whether the volume that is shown ended early.
+    bool keep_failure() {
+        std::exception_ptr const failure = volumes_.ended_early();
+        if (!failure_) failure_ = failure;
+        return failure != nullptr;
+    }
     std::string input() const {
         std::string const name = context_.stage_info().input_names.front();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
@@ -103,6 +125,7 @@ private:
     render::Background background_;
     Volumes opened_;
     ArrivingVolumes volumes_;
+    std::exception_ptr failure_;
     std::int64_t shown_ = 0, most_ = 0; ///< number of the volume that is shown, from 1, and the highest so far
 };
 
@@ -111,7 +134,9 @@ private:
 void show_input(Source& source, Context& context, render::RenderSettings const& asked,
                 render::Background const& background) {
     InputScene scene(source, context, asked, background);
-    if (scene.next()) show(scene, asked, background, [&](std::string const& line) { context.note(line); });
+    if (!scene.next()) return;
+    show(scene, asked, background, [&](std::string const& line) { context.note(line); });
+    scene.rethrow_failure();
 }
 
 } // namespace vkt::shell::viewer

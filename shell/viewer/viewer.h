@@ -13,10 +13,11 @@
 
 namespace vkt::shell::viewer {
 
-/// A part of a volume that is still on its way.
+/// A part of a volume that is still on its way, or has come to its end before all of it was here.
 struct Arrival {
     std::int64_t slices = 0, of = 0; ///< that are here
-    bool complete = true;
+    bool complete = true;            ///< no more will come
+    std::string failure = {};        ///< why the rest does not come
 };
 
 /// Who draws for the window. All is called on one worker thread, so that the window never waits.

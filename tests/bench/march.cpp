@@ -2,7 +2,8 @@
 // steps.
 // SPDX-License-Identifier: MIT
 //
-//   vkt_march_bench FILE N uint8|float32 fog|dense SHADE STEP THREADS RUNS   raw voxels, N^3; the scene is march.py's
+//   vkt_march_bench FILE N uint8|float32 fog|dense|VALUE SHADE STEP THREADS RUNS   raw voxels, N^3; the scene is
+//   march.py's, or the surface of a value, as a share of the type's range
 #include "libvkt/core/text.h"
 #include "libvkt/render/colormap.h"
 #include "libvkt/render/render.h"
@@ -70,6 +71,11 @@ int main(int count, char** words) {
     execution.threads = std::atoi(words[7]);
     Renderer const renderer(read_volume(words[1], n, type), execution);
     RenderSettings s = settings_of(n, type, std::string(words[4]) == "dense", std::atof(words[5]), std::atof(words[6]));
+    if (std::atof(words[4]) > 0) {
+        s.algorithm = Algorithm::implicit_iso;
+        s.isos = {std::atof(words[4]) * (type == DataType::uint8 ? 255 : 1)};
+        s.transfer.reset();
+    }
     struct Result {
         Image image;
         RenderReport report;

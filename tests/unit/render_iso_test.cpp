@@ -1,6 +1,7 @@
 // Iso-surfaces: planes and spheres in closed form, parity of crossings in noise, invariances, missing data.
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/inner/iso.h"
+#include "libvkt/render/screen.h"
 #include "tests/unit/render_testing.h"
 
 #include <gtest/gtest.h>
@@ -196,4 +197,95 @@ TEST(RenderIso, SmallNumbersAreNoReasonToHit) {
     EXPECT_EQ(render_one(volume, s).center()[3], 1);
     s.isos = {7.3e-9};
     EXPECT_EQ(render_one(volume, s).center()[3], 0);
+}
+
+TEST(RenderIso, WhatNoSurfaceProjectsToIsLeftOutAndNothingElse) {
+    // Specks, and a surface that reaches the border.
+    Volume volume = volume_of({41, 52, 37}, {1, 0.5, 2}, [](double x, double y, double z) {
+        auto const near = [&](double a, double b, double c) {
+            return std::hypot(x - a, y - b, z - c) < 1.2 ? 1.0 : 0.0;
+        };
+        return near(7, 40, 9) + near(30, 11, 30) + near(21, 25, 19) + near(0, 0, 0) + near(40, 51, 36) +
+               (x > 36 && y > 40 && z < 5 ? 0.9 : 0);
+    });
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> share(-1, 1);
+    for (int i = 0; i < 120; ++i) {
+        RenderSettings s;
+        s.algorithm = Algorithm::implicit_iso;
+        s.isos = {0.5};
+        s.width = 70 + i / 2, s.height = 90 - i / 2;
+        double const far = i % 3 == 0 ? 20 : i % 3 == 1 ? 60 : 300; // within, close and far
+        s.camera.eye = Vec3{20 + far * share(random), 12 + far * share(random), 36 + far * share(random)};
+        s.camera.target = Vec3{20 + 15 * share(random), 12 + 10 * share(random), 36 + 20 * share(random)};
+        if (i % 3 == 0) s.camera.fov = 120;
+        if (i % 4 == 1) s.camera.projection = Projection::orthographic;
+        if (i % 5 == 2) s.clip_planes = {1, 0.3, -0.2, 5};
+        if (i % 7 == 3) s.clip.text = "3:35,5:45,2:33";
+        if (i % 4 == 2) s.parts = 2, s.part = 1 + i % 3 / 2;
+        Skipping const reports = expect_no_bit_changes(volume, s, "camera " + std::to_string(i));
+        EXPECT_EQ(reports.with.rays, reports.without.rays) << i;
+        s.algorithm = Algorithm::ray_marching;
+        s.isos.clear();
+        s.transfer = TransferFunction{};
+        s.transfer->points = {{0.3, {1, 1, 1}, 0}, {0.5, {1, 1, 1}, 0.7}};
+        Skipping const marched = expect_no_bit_changes(volume, s, "camera " + std::to_string(i) + ", marched");
+        EXPECT_EQ(marched.with.rays, marched.without.rays) << i;
+        EXPECT_EQ(marched.with.segments, marched.without.segments) << i;
+    }
+}
+
+TEST(RenderIso, AWallBesideTheEyeIsSeenToTheEdge) {
+    // Its cells are longer than wide, and reach behind the eye.
+    Volume const volume = volume_of({40, 40, 40}, {0.5, 0.5, 4}, [](double, double y, double) { return 20.3 - y; });
+    for (int i = 0; i < 40; ++i) {
+        RenderSettings s;
+        s.algorithm = Algorithm::implicit_iso;
+        s.isos = {0};
+        s.width = s.height = 64;
+        double const y = 10.3 + 0.25 * i;
+        s.camera.eye = Vec3{10, y, 70};
+        s.camera.target = Vec3{10, y, 100};
+        s.camera.up = Vec3{0, 1, 0};
+        s.camera.fov = 60 + 3 * i;
+        expect_no_bit_changes(volume, s, "eye at " + std::to_string(y));
+    }
+}
+
+TEST(RenderIso, RaysGoWhereASurfaceMayBe) {
+    Volume const volume = volume_of(
+        {80, 80, 80}, {1, 1, 1}, [](double x, double y, double z) { return 10 - std::hypot(x - 40, y - 40, z - 40); });
+    Lattice const lattice = make_lattice(volume.view(), {}, {});
+    CellVisibility const cells = classify_cells(lattice.cells, std::vector<IsoView>{{0, 1, 1, 1}});
+    SceneView scene{};
+    scene.cells = view_of(lattice.cells, cells);
+    scene.shown = {{2, 2, 2}, {82, 82, 82}, {}, 0};
+    constexpr int width = 200, height = 160;
+    auto const drawn = [&](Vec3 eye) {
+        Camera camera;
+        camera.eye = eye, camera.target = {40, 40, 40}, camera.up = {0, 0, 1}, camera.fov = 30;
+        scene.frame = frame_of(camera, volume.header().geometry, lattice_padding, width, height);
+        Screen const screen(scene, cells, 0, height, 2);
+        std::vector<float> pixels(4 * width * height, 5);
+        Counters counters;
+        std::int64_t count = 0;
+        bool middle = false;
+        for (int y = 0; y < height; y += 16)
+            for (int x = 0; x < width; x += 16)
+                screen.draw(scene, false, {x, y, std::min(x + 16, width), std::min(y + 16, height)}, pixels.data(),
+                            counters, [&](Tile t) {
+                                count += (t.x1 - t.x0) * (t.y1 - t.y0);
+                                middle = middle || (t.x0 <= 100 && t.x1 > 100 && t.y0 <= 80 && t.y1 > 80);
+                            });
+        EXPECT_TRUE(middle);
+        std::int64_t left = 0;
+        for (std::size_t i = 0; i < pixels.size(); i += 4) left += pixels[i] == 0 && pixels[i + 3] == 1 ? 1 : 0;
+        EXPECT_EQ(count + left, width * height);
+        return count;
+    };
+    // The ball's disc has 1200 pixels, and cells are 8 voxels wide.
+    std::int64_t const outside = drawn({40, -160, 40});
+    EXPECT_GT(outside, 1200);
+    EXPECT_LT(outside, 6000);
+    EXPECT_EQ(drawn({40, 36, 40}), width * height); // among the cells
 }

@@ -552,6 +552,70 @@ TEST(Painting, whatArrivesIsShownAndSavedWhenItIsWhole) {
     EXPECT_EQ(messages(painter), std::vector<std::string>{"saved picture of 0 as 0"});
 }
 
+/// Half of its slices came, and no more will.
+class BrokenScene : public SteppedScene {
+public:
+    Arrival arrive() override { return {4, 8, true, "it ended early"}; }
+};
+
+TEST(Painting, whatCameOfAVolumeThatEndsEarlyIsShownAndNotSaved) {
+    BrokenScene scene;
+    Painter painter(
+        scene, {}, {}, [] {}, 0.03);
+    Frame const part = wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    EXPECT_EQ(part.arrival.failure, "it ended early");
+    EXPECT_TRUE(part.arrival.complete);
+    painter.save();
+    painter.finish();
+    EXPECT_EQ(messages(painter), std::vector<std::string>{"nothing is saved: the volume is not whole"});
+}
+
+/// Its first volume is followed by one that cannot be read.
+class LastReadableScene : public SteppedScene {
+public:
+    bool next() override { throw Error(ErrorKind::data, "it cannot be read"); }
+};
+
+TEST(Painting, aVolumeThatCannotBeReadLeavesTheOneBefore) {
+    LastReadableScene scene;
+    Painter painter(
+        scene, {}, {}, [] {}, 0.03);
+    wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    painter.go_on(Turn::next);
+    View other = initial_view({});
+    other.width = 40, other.height = 30;
+    painter.show(other);
+    Frame const after = wait_for(painter, [](Frame const& f) { return f.width == 40 && f.effort == 1; });
+    EXPECT_EQ(after.turn, 0);
+    EXPECT_EQ(messages(painter), std::vector<std::string>{"it cannot be read"});
+}
+
+TEST(DoubleClicks, areTwoClicksAtRestAtOnePlace) {
+    DoubleClick clicks;
+    auto const click = [&](double x, double now, double moved = 0) {
+        clicks.press(x, 10, now);
+        if (moved > 0) clicks.move(x + moved, 10), clicks.move(x, 10);
+        return clicks.release();
+    };
+    EXPECT_FALSE(click(10, 0));
+    EXPECT_TRUE(click(11, 0.2));
+    EXPECT_FALSE(click(11, 0.25)); // a third one begins anew
+    EXPECT_TRUE(click(11, 0.3));
+    EXPECT_FALSE(click(10, 2));
+    EXPECT_FALSE(click(10, 2.4)); // too late, but the first one of the next
+    EXPECT_TRUE(click(10, 2.5, 2));
+    EXPECT_FALSE(click(10, 4));
+    EXPECT_FALSE(click(30, 4.1)); // elsewhere
+    EXPECT_TRUE(click(30, 4.2));
+    // Drags, first, second and both; also those that come back to where they began.
+    EXPECT_FALSE(click(10, 6, 40));
+    EXPECT_FALSE(click(10, 6.1));
+    EXPECT_FALSE(click(10, 6.2, 40));
+    EXPECT_FALSE(click(10, 6.3, 40));
+    EXPECT_FALSE(click(10, 6.4));
+    EXPECT_FALSE(clicks.release()); // without a press
+}
+
 TEST(Views, labelsTakeThePlaceOfEditedColoursAndNotOfThoseAskedFor) {
     RenderSettings asked;
     View view = initial_view(asked);

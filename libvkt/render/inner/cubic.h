@@ -35,6 +35,19 @@ VKT_HD Cubic cubic_along(float const* v, Double3 p, Double3 d) {
             v0 + kx * p.x + ky * p.y + kz * p.z + kxy * xx + kyz * yz + kxz * xz + kxyz * xx * p.z};
 }
 
+/// Whether the cubic keeps the sign of `above` over [0, 1] for sure: its control points do (Bernstein).
+VKT_HD bool stays(Cubic const& f, double end, bool above) {
+    constexpr double third = 1.0 / 3;
+    double const near = f.d + f.c * third, far = f.d + (2 * f.c + f.b) * third;
+    return above ? f.d >= 0 && near >= 0 && far >= 0 && end >= 0 : f.d < 0 && near < 0 && far < 0 && end < 0;
+}
+
+/// Whether it rises, or falls, all the way for sure: the control points of its derivative have one sign.
+VKT_HD bool is_monotone(Cubic const& f) {
+    double const middle = f.c + f.b, end = middle + f.b + 3 * f.a;
+    return (f.c >= 0 && middle >= 0 && end >= 0) || (f.c <= 0 && middle <= 0 && end <= 0);
+}
+
 /// The crossing between s0 and s1, whose sides differ: regula falsi (Illinois) kept safe by its bracket.
 VKT_HD double crossing(Cubic const& f, double s0, double s1, double f0, double f1) {
     bool const above = f1 >= 0;

@@ -33,9 +33,11 @@ template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, double t, doubl
         side = side_of(begin);
         if (!hit(crossed_at(t), side)) return false;
     }
+    // Most cells that values on both sides meet are not crossed.
+    if (stays(f, end, side == Side::above)) return true;
     // Between extrema the cubic is monotone and crosses at most once.
     double cuts[3];
-    int n = extrema(f, cuts);
+    int n = is_monotone(f) ? 0 : extrema(f, cuts);
     cuts[n++] = 1.0;
     double s0 = 0, f0 = begin;
     for (int i = 0; i < n; ++i) {

@@ -349,15 +349,20 @@ VKT_HD void walk(March<S, EvenComb, S, lighting>& march, SceneView const& scene)
     }
 }
 
+/// Segments of a ray.
+VKT_HD int segments_of(Ray const& ray, float step) {
+    int const count = static_cast<int>(std::ceil(static_cast<float>(ray.length) / step));
+    return count < 1 ? 1 : count;
+}
+
 /// march_ray() with what is known of the light.
 template <Lighting lighting, Sampler S>
 VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
-    int const count = static_cast<int>(std::ceil(length / scene.step));
     March<S, EvenComb, S, lighting> march{sampler,
                                           sampler,
                                           scene,
-                                          {scene.step, length, count < 1 ? 1 : count},
+                                          {scene.step, length, segments_of(ray, scene.step)},
                                           to_float(ray.entry),
                                           to_float(ray.direction),
                                           static_cast<float>(ray.world_per_lattice)};

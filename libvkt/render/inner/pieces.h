@@ -5,17 +5,51 @@
 #include "libvkt/render/inner/cubic.h"
 #include "libvkt/render/inner/scene.h"
 
+#include <cstdint>
+#include <cstring>
+
 namespace vkt::render {
+
+/// Whether a sampler says that it has no voxels without data.
+template <class S> VKT_HD constexpr bool always_there() {
+    if constexpr (requires { S::all_there; }) return S::all_there;
+    return false;
+}
 
 /// The part [t, t + width] of a ray, within one lattice cell.
 struct CellPiece {
+    Double3 begin, direction; ///< of the ray
+    int cell[3];
     double t, width;
-    Double3 entry, way; ///< from the lower corner of the cell
-    float v[8];         ///< corners, x fastest
+    alignas(16) float v[8]; ///< corners, x fastest
     float least, greatest;
     bool missing; ///< some corner has no data, and then the piece has none
 
-    VKT_HD void look() {
+    /// `all_there`: no corner is NaN.
+    VKT_HD void look([[maybe_unused]] bool all_there) {
+#ifndef __CUDACC__
+        // A loop over eight becomes a chain of comparisons, each of which waits for the one before.
+        using Mask = std::int32_t __attribute__((vector_size(16)));
+        Quad low, high;
+        std::memcpy(&low, v, sizeof low);
+        std::memcpy(&high, v + 4, sizeof high);
+        Quad less = low < high ? low : high, more = low > high ? low : high;
+        auto const halves = [](Quad q) __attribute__((always_inline)) {
+            return __builtin_shufflevector(q, q, 2, 3, 0, 1);
+        };
+        auto const ones = [](Quad q) __attribute__((always_inline)) {
+            return __builtin_shufflevector(q, q, 1, 0, 3, 2);
+        };
+        Quad const less2 = halves(less), more2 = halves(more);
+        less = less < less2 ? less : less2, more = more > more2 ? more : more2;
+        Quad const less1 = ones(less), more1 = ones(more);
+        least = less[0] < less1[0] ? less[0] : less1[0];
+        greatest = more[0] > more1[0] ? more[0] : more1[0];
+        Mask const none = (low != low) | (high != high);
+        std::uint64_t words[2];
+        std::memcpy(words, &none, sizeof words);
+        missing = !all_there && (words[0] | words[1]) != 0;
+#else
         missing = false;
         least = greatest = v[0];
         for (float const c : v) {
@@ -23,8 +57,12 @@ struct CellPiece {
             least = c < least ? c : least;
             greatest = c > greatest ? c : greatest;
         }
+#endif
     }
-    VKT_HD Cubic cubic() const { return cubic_along(v, entry, way); }
+    VKT_HD Cubic cubic() const {
+        Double3 const corner{static_cast<double>(cell[0]), static_cast<double>(cell[1]), static_cast<double>(cell[2])};
+        return cubic_along(v, begin + direction * t - corner, direction * width);
+    }
     /// Has the sign of the value less `iso`, as a cubic over [0, 1].
     VKT_HD Cubic difference(double iso) const {
         Cubic f = cubic();
@@ -52,16 +90,12 @@ VKT_HD void each_piece(S const& sampler, SceneView const& scene, Ray const& ray,
             }
             if (scene.cells.distance[scene.cells.index(macrocell)] > 0) continue;
         }
-        CellPiece piece;
-        sampler.corners(cells.cell[0], cells.cell[1], cells.cell[2], piece.v);
-        piece.look();
-        piece.t = cells.t;
-        piece.width = cells.leave() - cells.t;
-        if (!(piece.width > 0)) continue;
-        Double3 const corner{static_cast<double>(cells.cell[0]), static_cast<double>(cells.cell[1]),
-                             static_cast<double>(cells.cell[2])};
-        piece.entry = ray.entry + ray.direction * piece.t - corner;
-        piece.way = ray.direction * piece.width;
+        double const width = cells.leave() - cells.t;
+        if (!(width > 0)) continue;
+        CellPiece piece{ray.entry, ray.direction, {cells.cell[0], cells.cell[1], cells.cell[2]}, cells.t, width, {}, 0,
+                        0,         false};
+        sampler.corners(piece.cell[0], piece.cell[1], piece.cell[2], piece.v);
+        piece.look(always_there<S>());
         if (!visit(piece)) return;
     } while (cells.advance());
 }
@@ -71,23 +105,28 @@ template <CellSampler S, class Visit>
 VKT_HD bool each_piece_of(S const& sampler, SceneView const&, CellWalk<double> const& outer, Ray const& ray,
                           Visit&& visit) {
     // Same walk, one lattice unit wide, from where the ray enters.
-    constexpr double size = macrocell_size;
     Double3 const start = ray.entry + ray.direction * outer.t;
-    Double3 const corner{macrocell_origin + size * outer.cell[0], macrocell_origin + size * outer.cell[1],
-                         macrocell_origin + size * outer.cell[2]};
+    constexpr int origin = static_cast<int>(macrocell_origin);
+    int const corner[3] = {origin + macrocell_size * outer.cell[0], origin + macrocell_size * outer.cell[1],
+                           origin + macrocell_size * outer.cell[2]};
     CellWalk<double> inner;
-    inner.start(start - corner, ray.direction, outer.leave() - outer.t, 0.0, 1.0, macrocell_size, macrocell_size,
-                macrocell_size);
+    inner.start_within(
+        outer,
+        start - Double3{static_cast<double>(corner[0]), static_cast<double>(corner[1]), static_cast<double>(corner[2])},
+        outer.leave() - outer.t, macrocell_size);
     bool on = true, further = true;
     do {
-        CellPiece piece;
-        Double3 const cell{corner.x + inner.cell[0], corner.y + inner.cell[1], corner.z + inner.cell[2]};
-        sampler.corners(static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z), piece.v);
-        piece.look();
-        piece.t = outer.t + inner.t;
-        piece.width = inner.leave() - inner.t;
-        piece.entry = ray.entry + ray.direction * piece.t - cell;
-        piece.way = ray.direction * piece.width;
+        CellPiece piece{ray.entry,
+                        ray.direction,
+                        {corner[0] + inner.cell[0], corner[1] + inner.cell[1], corner[2] + inner.cell[2]},
+                        outer.t + inner.t,
+                        inner.leave() - inner.t,
+                        {},
+                        0,
+                        0,
+                        false};
+        sampler.corners(piece.cell[0], piece.cell[1], piece.cell[2], piece.v);
+        piece.look(always_there<S>());
         on = goes_on(visit(piece));
         further = inner.advance();
     } while (goes_on(on && further));

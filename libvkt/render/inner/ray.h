@@ -24,6 +24,7 @@ struct RayFrame {
     double right_length, up_length;  ///< their lengths in the world
     bool perspective;
     double width, height; ///< of the image in pixels
+    int top = 0;          ///< row of the image that row 0 of the part which is drawn, and held, is
 };
 
 /// A ray inside the box: position entry + t * direction for t in [0, length], direction of unit length in the lattice.
@@ -83,9 +84,9 @@ VKT_HD bool clip(Double3 origin, Double3 direction, ShownPart const& shown, doub
     return near < far;
 }
 
-/// The ray through image position (x, y) in pixels; false if it misses what is shown.
+/// The ray through position (x, y), in pixels of the part that is drawn; false if it misses what is shown.
 VKT_HD bool make_ray(RayFrame const& frame, double x, double y, ShownPart const& shown, Ray& ray) {
-    double const u = 2 * x / frame.width - 1, v = 1 - 2 * y / frame.height;
+    double const u = 2 * x / frame.width - 1, v = 1 - 2 * (y + frame.top) / frame.height;
     Double3 const offset = frame.right * u + frame.up * v;
     double const ru = u * frame.right_length, uv = v * frame.up_length;
     Double3 const origin = frame.perspective ? frame.eye : frame.eye + offset;
@@ -138,6 +139,26 @@ template <class Real> struct CellWalk {
             per_width[axis] = (d[axis] > 0 ? d[axis] : -d[axis]) / size;
             count[axis] = n[axis];
             next[axis] = d[axis] == 0 ? std::numeric_limits<Real>::infinity() : ahead * width[axis];
+        }
+        t = 0;
+        exit = length;
+    }
+    /// The same within one cell of another walk along the same direction: through count * count * count cells, a power
+    /// of two. `origin` is in small cells. The same numbers, without divisions.
+    template <class Vector> VKT_HD void start_within(CellWalk const& outer, Vector origin, Real length, int cells) {
+        Real const o[3] = {origin.x, origin.y, origin.z};
+        Real const per = Real(1) / static_cast<Real>(cells);
+        for (int axis = 0; axis < 3; ++axis) {
+            int const i = static_cast<int>(o[axis]);
+            cell[axis] = i < 0 ? 0 : i >= cells ? cells - 1 : i;
+            step[axis] = outer.step[axis];
+            end[axis] = step[axis] > 0 ? cells : -1;
+            Real const ahead =
+                step[axis] > 0 ? static_cast<Real>(cell[axis] + 1) - o[axis] : o[axis] - static_cast<Real>(cell[axis]);
+            width[axis] = outer.width[axis] * per;
+            per_width[axis] = outer.per_width[axis] * static_cast<Real>(cells);
+            count[axis] = cells;
+            next[axis] = step[axis] == 0 ? std::numeric_limits<Real>::infinity() : ahead * width[axis];
         }
         t = 0;
         exit = length;

@@ -84,7 +84,8 @@ template <class T> struct LatticeSampler {
     std::int64_t row, slice;
     bool compact; ///< offsets within one chunk of a ray fit into 31 bits
 
-    static constexpr bool skips_exactly = false; ///< the reference looks at every cell
+    static constexpr bool skips_exactly = false;             ///< the reference looks at every cell
+    static constexpr bool all_there = std::is_integral_v<T>; ///< no voxel is NaN
 
     VKT_HD static Vector place(Double3 p) { return to_float(p); }
     VKT_HD static Vector cell_origin() { return {macrocell_origin, macrocell_origin, macrocell_origin}; }

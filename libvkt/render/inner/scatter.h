@@ -189,7 +189,8 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
 template <ScalarField S>
 VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, int y, Counters& counters) {
     PixelSums sums(scene, x, y);
-    auto const pixel = static_cast<std::uint32_t>(y * static_cast<std::int64_t>(scene.frame.width) + x);
+    auto const pixel = static_cast<std::uint32_t>(
+        (std::int64_t{y} + scene.frame.top) * static_cast<std::int64_t>(scene.frame.width) + x);
     bool met = false;
     for (int i = 0; i < scene.samples; ++i) {
         Random random(scene.seed, pixel, static_cast<std::uint32_t>(scene.first_sample + i));
