@@ -86,17 +86,20 @@ std::uint64_t key_of(std::byte const* voxel, DataType type) {
 
 void Components::Runs::clear(std::int64_t row) {
     edges.clear();
+    bits.clear();
     values.clear();
     component.clear();
     begin.assign(1, 0);
     first_row = row;
 }
 
-void Components::Runs::drop_before(std::int64_t row) {
+/// `words`: of the bits of a row.
+void Components::Runs::drop_before(std::int64_t row, std::int64_t words) {
     auto const rows_gone = static_cast<std::ptrdiff_t>(std::clamp<std::int64_t>(row - first_row, 0, rows()));
     std::size_t const runs = begin[static_cast<std::size_t>(rows_gone)];
     auto const gone = static_cast<std::ptrdiff_t>(runs);
     edges.erase(edges.begin(), edges.begin() + 2 * gone);
+    if (!bits.empty()) bits.erase(bits.begin(), bits.begin() + rows_gone * words);
     if (!values.empty()) values.erase(values.begin(), values.begin() + gone);
     component.erase(component.begin(), component.begin() + gone);
     begin.erase(begin.begin(), begin.begin() + rows_gone);
@@ -105,12 +108,14 @@ void Components::Runs::drop_before(std::int64_t row) {
 }
 
 std::size_t Components::Runs::bytes() const {
-    return edges.size() * sizeof edges[0] + values.size() * sizeof values[0] + component.size() * sizeof component[0];
+    return edges.size() * sizeof edges[0] + bits.size() * sizeof bits[0] + values.size() * sizeof values[0] +
+           component.size() * sizeof component[0];
 }
 
 void Components::Runs::append(Runs const& next, std::uint32_t components) {
     std::size_t const runs = component.size();
     edges.insert(edges.end(), next.edges.begin(), next.edges.end());
+    bits.insert(bits.end(), next.bits.begin(), next.bits.end());
     values.insert(values.end(), next.values.begin(), next.values.end());
     for (std::uint32_t const c : next.component) component.push_back(components + c);
     for (std::size_t i = 1; i < next.begin.size(); ++i) begin.push_back(runs + next.begin[i]);
@@ -174,7 +179,10 @@ void Components::find_runs(ConstView rows, std::int64_t begin, std::int64_t end,
         ConstView const some = rows.part({{rows.box.lower.x, y, z}, {rows.box.upper.x, y + count, z + 1}});
         std::uint64_t* const changed = rules_.by_value ? chunk.bits.data() + block : nullptr;
         pack_bits(some, rules_.members, rules_.zero, chunk.bits.data(), execution);
-        if (changed != nullptr) pack_bits(some, BitRule::changed, {}, changed, execution);
+        if (changed != nullptr)
+            pack_bits(some, BitRule::changed, {}, changed, execution);
+        else
+            runs.bits.insert(runs.bits.end(), chunk.bits.data(), chunk.bits.data() + count * words);
         for (std::int64_t i = 0; i < count; ++i) {
             std::size_t const first = runs.edges.size();
             std::size_t const count_here = edges_of(
@@ -189,24 +197,24 @@ void Components::find_runs(ConstView rows, std::int64_t begin, std::int64_t end,
     }
 }
 
-/// Calls join(a, b) for runs of two rows that touch, b being in the other row. They may reach diagonally.
+/// Calls join(a, b) for runs of two rows that touch and have one value, b being in the other row. They may reach
+/// diagonally.
 template <class Join>
-void Components::join_pair(Runs const& runs, std::int64_t row, std::int64_t other, std::int32_t reach,
-                           Join const& join) const {
+void Components::join_values(Runs const& runs, std::int64_t row, std::int64_t other, std::int32_t reach,
+                             Join const& join) const {
     auto const r = static_cast<std::size_t>(row - runs.first_row), o = static_cast<std::size_t>(other - runs.first_row);
     std::size_t a = runs.begin[r], b = runs.begin[o];
     std::size_t const a_end = runs.begin[r + 1], b_end = runs.begin[o + 1];
     std::int32_t const* const edges = runs.edges.data();
     auto const touch = [&](std::size_t i, std::size_t j) {
-        if (!rules_.by_value || runs.values[i] == runs.values[j]) join(i, j);
+        if (runs.values[i] == runs.values[j]) join(i, j);
     };
     while (a < a_end && b < b_end) {
         std::int32_t const a_last = edges[2 * a + 1], b_last = edges[2 * b + 1];
         if (edges[2 * a] < b_last + reach && edges[2 * b] < a_last + reach) {
             touch(a, b);
             // Runs of other values may follow at once.
-            if (rules_.by_value && a_last == b_last && a + 1 < a_end && edges[2 * a + 2] < b_last + reach)
-                touch(a + 1, b);
+            if (a_last == b_last && a + 1 < a_end && edges[2 * a + 2] < b_last + reach) touch(a + 1, b);
         }
         // Without a branch: nobody can foretell it.
         std::size_t const first_ends = a_last < b_last ? 1 : 0;
@@ -218,11 +226,21 @@ void Components::join_pair(Runs const& runs, std::int64_t row, std::int64_t othe
 /// Joins the runs of a row with those of the rows before it that are in [least, beyond).
 template <class Join>
 void Components::join_rows(Runs const& runs, std::int64_t row, std::int64_t least, std::int64_t beyond,
-                           Join const& join) const {
+                           std::vector<RunPair>& pairs, Execution const& execution, Join const& join) const {
+    pairs.resize(static_cast<std::size_t>(dims_.x) + 2);
     std::int64_t const y = row % dims_.y, z = row / dims_.y;
     std::int32_t const edge = rules_.connectivity >= 18 ? 1 : 0, corner = rules_.connectivity >= 26 ? 1 : 0;
     auto const with = [&](std::int64_t other, std::int32_t reach) {
-        if (other >= least && other < beyond) join_pair(runs, row, other, reach, join);
+        if (other < least || other >= beyond) return;
+        if (rules_.by_value) return join_values(runs, row, other, reach, join);
+        auto const r = static_cast<std::size_t>(row - runs.first_row),
+                   o = static_cast<std::size_t>(other - runs.first_row);
+        auto const words = static_cast<std::size_t>(bit_words(dims_.x));
+        std::int64_t count = 0;
+        touching_runs(runs.bits.data() + r * words, runs.bits.data() + o * words, static_cast<std::int64_t>(words),
+                      reach > 0, pairs.data(), count, execution);
+        for (RunPair const& pair : std::span(pairs).first(static_cast<std::size_t>(count)))
+            join(runs.begin[r] + pair.a, runs.begin[o] + pair.b);
     };
     if (y > 0) with(row - 1, edge);
     if (z == 0) return;
@@ -232,7 +250,7 @@ void Components::join_rows(Runs const& runs, std::int64_t row, std::int64_t leas
     if (y + 1 < dims_.y) with(row - dims_.y + 1, corner);
 }
 
-void Components::join_within(ConstView rows, Chunk& chunk) const {
+void Components::join_within(ConstView rows, Chunk& chunk, Execution const& execution) const {
     Runs& runs = chunk.runs;
     std::size_t const count = runs.edges.size() / 2;
     LargeVector<std::uint32_t>& parent = chunk.parent;
@@ -240,7 +258,7 @@ void Components::join_within(ConstView rows, Chunk& chunk) const {
     for (std::size_t i = 0; i < count; ++i) parent[i] = static_cast<std::uint32_t>(i);
     std::int64_t const first = runs.first_row, last = first + runs.rows();
     for (std::int64_t row = first; row < last; ++row)
-        join_rows(runs, row, first, last, [&](std::size_t a, std::size_t b) {
+        join_rows(runs, row, first, last, chunk.pairs, execution, [&](std::size_t a, std::size_t b) {
             unite(parent, static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b));
         });
 
@@ -279,10 +297,10 @@ VoxelBytes Components::voxel_before(ConstView rows, std::int64_t x, std::int64_t
 }
 
 /// Joins the first rows of a chunk, as far as they touch what is before `row`, with that.
-void Components::join_across(std::int64_t row, std::int64_t beyond) {
+void Components::join_across(std::int64_t row, std::int64_t beyond, Execution const& execution) {
     std::int64_t const end = std::min(beyond, row + dims_.y + 1);
     for (std::int64_t r = row; r < end; ++r)
-        join_rows(kept_, r, kept_.first_row, row,
+        join_rows(kept_, r, kept_.first_row, row, pairs_, execution,
                   [&](std::size_t a, std::size_t b) { unite(parent_, kept_.component[a], kept_.component[b]); });
 }
 
@@ -308,7 +326,7 @@ void Components::add_piece(ConstView rows, Execution const& execution) {
         if (begin == end) return;
         Chunk& chunk = chunks_[static_cast<std::size_t>(omp_get_thread_num())];
         find_runs(rows, begin, end, alone, chunk);
-        join_within(rows, chunk);
+        join_within(rows, chunk, alone);
     });
     for (Chunk const& chunk : chunks_) {
         Runs const& runs = chunk.runs;
@@ -336,9 +354,9 @@ void Components::add_piece(ConstView rows, Execution const& execution) {
         kept_.append(runs, static_cast<std::uint32_t>(before));
         run_names_.insert(run_names_.end(), kept_.component.begin() + static_cast<std::ptrdiff_t>(kept_before),
                           kept_.component.end());
-        join_across(runs.first_row, runs.first_row + runs.rows());
+        join_across(runs.first_row, runs.first_row + runs.rows(), alone);
     }
-    kept_.drop_before(first + count - dims_.y - 1);
+    kept_.drop_before(first + count - dims_.y - 1, bit_words(n.x));
     std::memcpy(last_voxel_.data(), rows.at(rows.box.upper.x - 1, rows.box.upper.y - 1, rows.box.upper.z - 1),
                 size_of(rows.type));
 }

@@ -6,6 +6,7 @@
 #include "libvkt/core/large_vector.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/shape/kernels/component_facts.h"
+#include "libvkt/operations/shape/kernels/touching_runs.h"
 #include "libvkt/operations/voxels/kernels/bits.h"
 
 #include <optional>
@@ -54,6 +55,7 @@ private:
     /// Runs of neighbouring rows, and how they are joined.
     struct Runs {
         LargeVector<std::int32_t> edges;      ///< first and beyond the last voxel, of all runs
+        LargeVector<std::uint64_t> bits;      ///< of rows, unless values matter
         LargeVector<std::uint64_t> values;    ///< of runs, if they matter
         LargeVector<std::uint32_t> component; ///< provisional, of runs
         std::vector<std::size_t> begin;       ///< first run of each row, and one beyond the last
@@ -62,7 +64,7 @@ private:
         std::int64_t rows() const { return static_cast<std::int64_t>(begin.size()) - 1; }
         std::size_t bytes() const;
         void clear(std::int64_t row);
-        void drop_before(std::int64_t row);
+        void drop_before(std::int64_t row, std::int64_t words);
         void append(Runs const& next, std::uint32_t components);
     };
     struct Chunk {
@@ -71,22 +73,26 @@ private:
         LargeVector<Component> components;
         std::vector<std::uint64_t> bits;
         std::vector<std::int32_t> row; ///< edges
+        std::vector<RunPair> pairs;    ///< of two rows
     };
 
     void find_runs(ConstView rows, std::int64_t begin, std::int64_t end, Execution const& execution,
                    Chunk& chunk) const;
     VoxelBytes voxel_before(ConstView rows, std::int64_t x, std::int64_t y, std::int64_t z) const;
-    void join_within(ConstView rows, Chunk& chunk) const;
-    void join_across(std::int64_t row, std::int64_t beyond);
+    void join_within(ConstView rows, Chunk& chunk, Execution const& execution) const;
+    void join_across(std::int64_t row, std::int64_t beyond, Execution const& execution);
     template <class Join>
-    void join_rows(Runs const& runs, std::int64_t row, std::int64_t least, std::int64_t beyond, Join const& join) const;
+    void join_rows(Runs const& runs, std::int64_t row, std::int64_t least, std::int64_t beyond,
+                   std::vector<RunPair>& pairs, Execution const& execution, Join const& join) const;
     template <class Join>
-    void join_pair(Runs const& runs, std::int64_t row, std::int64_t other, std::int32_t reach, Join const& join) const;
+    void join_values(Runs const& runs, std::int64_t row, std::int64_t other, std::int32_t reach,
+                     Join const& join) const;
     std::size_t edges_of(std::uint64_t const* bits, std::uint64_t const* changed, std::int32_t* edges) const;
 
     Index3 dims_;
     Rules rules_;
     Runs kept_;                         ///< the rows that the next ones may touch
+    std::vector<RunPair> pairs_;        ///< of two of them
     VoxelBytes last_voxel_{};           ///< of the rows so far
     LargeVector<std::uint32_t> parent_; ///< of provisional components
     LargeVector<Component> components_;
