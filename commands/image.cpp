@@ -41,9 +41,10 @@ public:
     void check_file(std::string const& path) const override { render::check(options(path), {{}, 1}, path); }
 
 protected:
-    void write(render::PictureContents const& picture, Context& context) const {
+    void write(render::PictureContents const& picture, Context& context, bool keeps_depth = false) const {
         render::PictureOptions file = options(context.output());
         file.part = picture.options.part;
+        if (keeps_depth && !depth_ && file.format == picture.options.format) file.depth = picture.options.depth;
         write_combined(context.output(), picture, file, context);
     }
 
@@ -69,7 +70,7 @@ public:
 class Join : public Combine {
 public:
     int consume(std::vector<std::unique_ptr<Source>>&, Context& context) override {
-        write(render::join_of(pictures()), context);
+        write(render::join_of(pictures()), context, true);
         return 0;
     }
 };

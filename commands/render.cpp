@@ -84,7 +84,7 @@ public:
             return 0;
         }
         render::PictureOptions file = picture_options(context.output());
-        if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
+        if (!tiles_.empty()) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
         settings.layers = file.format == render::PictureFormat::exr;
         Volumes volumes(*inputs.front(), context, settings.tree,
                         [&](Header const& header) { return render::bytes_of_picture(settings, header, file); });

@@ -4,6 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/io/byte_source.h"
 #include "libvkt/io/shared_memory.h"
 #include "shell/command.h"
 #include "shell/terminal.h"
@@ -40,7 +41,10 @@ public:
             throw Error(ErrorKind::usage, text("two outputs: '", second_, "' and '", output_, "'"));
         if (out().empty()) throw Error(ErrorKind::usage, "missing OUT: the file to write", "e.g. vkt write out.nrrd");
         std::string const in = input_names().front();
-        if (in != "-" && !is_segment(in) && ::access(in.c_str(), F_OK) != 0 && ::access(out().c_str(), F_OK) == 0 &&
+        auto const there = [](std::string const& name) {
+            return ::access(name.c_str(), F_OK) == 0 || ::access(file_part(name).file.c_str(), F_OK) == 0;
+        };
+        if (in != "-" && !is_segment(in) && !there(in) && ::access(out().c_str(), F_OK) == 0 &&
             in.find_first_of("*?[") == std::string::npos)
             throw Error(ErrorKind::io, text("cannot open '", in, "': there is no such file"),
                         "the input comes first: vkt write IN OUT");

@@ -191,6 +191,17 @@ b = open('a.png', 'rb').read(); open('cut.png', 'wb').write(b[:-40])"
 }
 
 @test "parts that cannot be" {
+    # Parts keep their depth, and a part may be all of it.
+    vkt render v.nrrd --size 40x40 --depth 16 -o deep.png
+    for i in 1 2; do vkt render v.nrrd --size 40x40 --depth 16 --tiles $i/2 -o deep-$i.png; done
+    vkt image join deep-1.png deep-2.png -o joined-deep.png
+    cmp deep.png joined-deep.png
+    for suffix in png exr; do
+        vkt render v.nrrd --size 40x20 -o whole-small.$suffix
+        vkt render v.nrrd --size 40x20 --tiles 1/1 -o all.$suffix
+        vkt image join all.$suffix -o joined-all.$suffix
+        cmp whole-small.$suffix joined-all.$suffix
+    done
     fails_with 2 "is not I/N" vkt render v.nrrd --tiles 3 -o a.png
     fails_with 2 "is not I/N" vkt render v.nrrd --tiles -1/3 -o a.png
     fails_with 2 "no part 4 of 3" vkt render v.nrrd --tiles 4/3 -o a.png

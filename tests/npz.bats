@@ -106,6 +106,9 @@ END
 }
 
 @test "names of arrays are no way out of an archive, neither written nor read" {
+    vkt make constant --value 3 --dims 2 2 2 -o small.npy
+    fails_with 2 "archives hold names of at most 65535" vkt write small.npy -o "long.npz:$(printf 'x%.0s' $(seq 65532))"
+    [ ! -e long.npz ]
     vkt make ramp --dims 5 4 3 --dtype uint8 -o a.nrrd
     for name in '' / a/ ../; do
         fails_with 2 "'x.npz:$name' names no array: its name is missing" vkt convert a.nrrd -o x.npz:$name

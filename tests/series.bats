@@ -202,3 +202,36 @@ PY
     series | VKT_TIMING=1 vkt flip x -o flipped.vkt 2>table
     [ "$(wc -l <table)" -eq 2 ]
 }
+
+# Volumes at these times, which say nothing of how far they lie apart.
+at_times() {
+    for time in "$@"; do
+        vkt make constant --value "$time" --dims 4 3 2 --dtype float32 | vkt set --attribute "sequence position=$time"
+    done
+}
+times_in() { vkt info "$1" --json | grep -o '"sequence position":"[^"]*"' | cut -d'"' -f4 | tr '\n' ' '; }
+
+@test "times at equal distances are kept where no step is said, and others refused or kept" {
+    at_times 2 5 8 >even.vkt
+    at_times 0 1 3 >uneven.vkt
+    at_times 3 2 1 >falling.vkt
+    for file in a.nii b.nii.gz a.nrrd d.nhdr a.mha e.mhd a.mrc; do
+        vkt read even.vkt -o $file
+        [ "$(times_in $file)" = "2 5 8 " ]
+        fails_with 2 "volume 2 lies at 3, not 1 behind" vkt read uneven.vkt -o un$file
+        fails_with 2 "volume 1 lies at 2, not 1 behind" vkt read falling.vkt -o un$file
+        [ ! -e un$file ]
+    done
+    for file in a.h5:/d a.zarr a.vkt $(vkt --version | grep -q TIFF && echo a.tif); do
+        vkt read uneven.vkt -o $file
+        [ "$(times_in $file)" = "0 1 3 " ]
+        vkt read $file | vkt diff - uneven.vkt
+    done
+}
+
+@test "an output that exists is replaced with --force where the input is a part of a file" {
+    vkt make ramp --dims 5 4 3 -o part.npz:w
+    vkt write part.npz:w -o out.nrrd
+    vkt write part.npz:w -o out.nrrd --force
+    fails_with 4 "no such file" vkt write none.npz:w -o out.nrrd --force
+}

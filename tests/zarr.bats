@@ -723,6 +723,27 @@ END
     [ "$(left_over)" = ./.a.zarr.vkt-notes ]
 }
 
+@test "folders that hold more than a store are not replaced" {
+    vkt make ramp --dims 5 4 3 -o a.nrrd
+    mkdir broken.zarr
+    echo 'not json' >broken.zarr/.zarray
+    vkt write a.nrrd -o broken.zarr --force # is a store all the same
+    vkt read broken.zarr | vkt diff - a.nrrd
+    vkt write a.nrrd -o pyramid.zarr --pyramid
+    vkt write a.nrrd -o pyramid.zarr --force
+    for file in keep.txt .git/config 0.txt; do
+        for store in broken.zarr pyramid.zarr; do
+            mkdir -p "$(dirname $store/$file)"
+            echo precious >$store/$file
+            find $store | sort >before
+            fails_with 4 "it holds files that are no Zarr stores" vkt write a.nrrd -o $store --force
+            find $store | sort | diff before -
+            rm -r "${store:?}/${file%%/*}"
+        done
+    done
+    vkt write a.nrrd -o broken.zarr --force
+}
+
 @test "a store of another program that is replaced is gone, groups with names and all" {
     /usr/bin/python3 -c '
 from common import *
@@ -731,6 +752,9 @@ for path in ("g.zarr", "g.zarr/labels", "g.zarr/labels/cells"): open(path + "/.z
     mkdir elsewhere
     touch elsewhere/kept
     ln -s ../elsewhere g.zarr/link
+    fails_with 4 "it holds files that are no Zarr stores" vkt make ramp --dims 8 8 8 -o g.zarr --force
+    [ -L g.zarr/link ]
+    rm g.zarr/link
     vkt make ramp --dims 8 8 8 -o g.zarr --force
     [ -z "$(left_over)" ]
     [ -e elsewhere/kept ]

@@ -7,6 +7,7 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/refusals.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <unistd.h>
@@ -70,7 +71,7 @@ void HeaderAndVoxelsWriter::write(std::byte const* voxels, std::size_t n) {
         data_file_->write(voxels, n);
 }
 
-void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
+void HeaderAndVoxelsWriter::check_volume(Header const& header) {
     std::string const each = text("name it like out_%04d", format_.attached);
     refuse_bricks(header, format_.name);
     if (format_.type_name(header.dtype).empty())
@@ -86,10 +87,10 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
     }
     std::optional<double> const at = position_of(header), first = position_of(first_);
     if (at && first && !other_channel(header, first_)) {
-        auto const step = number_of(first_, "sequence step");
-        if (step && std::abs(*first + *step * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step))
+        if (!step_) step_ = (*at - *first) / static_cast<double>(volumes_); // the second one tells
+        if (*step_ < 0 || std::abs(*first + *step_ * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step_))
             throw Error(ErrorKind::usage,
-                        text("volume ", volumes_, " lies at ", *at, ", not ", *step,
+                        text("volume ", volumes_, " lies at ", *at, ", not ", std::abs(*step_),
                              " behind the one before it, which one ", format_.name, " file cannot say"),
                         "write one file each: " + each);
     }
@@ -121,6 +122,16 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
     return format_.text({first, volumes_, compressed, data_name_, length, last_word, channels()});
 }
 
+/// Of a header that has room for the distance of volumes that say where they lie, but not how far from each other; 0:
+/// as it comes.
+std::size_t HeaderAndVoxelsWriter::length_for_series() const {
+    if (step_ || !position_of(first_) || data_file_->in_place()) return 0;
+    Header longest = first_;
+    longest.attributes["sequence step"] = "1.2345678901234567e-300";
+    std::size_t const length = format_.text({longest, 1, options_.compress ? 0 : -1, data_name_, 0, false, 1}).size();
+    return std::max(length, format_.text({first_, 1, options_.compress ? 0 : -1, data_name_, 0, false, 1}).size());
+}
+
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
     if (axes_) axes_->add(header);
@@ -131,9 +142,10 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
         return;
     }
     first_ = in_utf8(header);
+    step_ = number_of(first_, "sequence step");
     if (format_.private_values) tell_private_values(options_, header, format_.name);
     if (!header_file_) {
-        std::string const head = header_text(0);
+        std::string const head = header_text(length_for_series());
         header_length_ = head.size();
         if (whole_)
             deflate_->store(head);
@@ -164,6 +176,8 @@ void HeaderAndVoxelsWriter::take_common(Header header) {
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
     if (axes_) axes_->finish();
+    if (volumes_ > 1 && step_.value_or(0) > 0 && position_of(first_) && !mixed())
+        first_.attributes.insert({"sequence step", to_text(*step_)});
     if (mixed()) {
         std::erase(differing_, "channel");
         differing_.emplace_back("channel");

@@ -55,7 +55,8 @@ protected:
     std::string const& target() const { return (header_file_ ? header_file_ : data_file_)->target(); }
 
 private:
-    void check_volume(Header const& header) const;
+    void check_volume(Header const& header);
+    std::size_t length_for_series() const;
     void take_common(Header header);
     std::string header_text(std::size_t length) const;
     bool mixed() const;
@@ -70,6 +71,7 @@ private:
     Header first_;
     std::optional<SeriesAxes> axes_; ///< of formats that have one for channels
     std::int64_t volumes_ = 0;
+    std::optional<double> step_;         ///< between volumes, as the first or the second of them says
     std::vector<std::string> differing_; ///< attributes that not all volumes have alike
     std::size_t header_length_ = 0;
 };

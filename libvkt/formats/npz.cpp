@@ -144,6 +144,10 @@ public:
         keeps_others_ = options.force && !name_.empty();
         if (name_.empty()) name_ = "arr_0";
         name_ += suffix;
+        if (constexpr std::size_t longest = 65535; name_.size() > longest)
+            throw Error(ErrorKind::usage,
+                        text("a name of ", name_.size(), " bytes: archives hold names of at most ", longest),
+                        "say a shorter one");
     }
 
     void begin(Header const& header) override {

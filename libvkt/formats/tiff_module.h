@@ -15,6 +15,8 @@ namespace vkt {
 inline constexpr char const* tiff_header_line = "vkt=";
 /// Of the annotation that is the same in OME's descriptions.
 inline constexpr char const* tiff_header_namespace = "vkt";
+/// The attribute of that header that lists times at unequal distances.
+inline constexpr char const* uneven_times = "sequence positions";
 
 struct TiffFunctions {
     std::unique_ptr<VolumeWriter> (*writer)(std::string const& path, WriteOptions const& options);

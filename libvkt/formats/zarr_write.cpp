@@ -107,14 +107,61 @@ Json omero(SeriesAxis const& axis, DataType type) {
     return named ? Json{{"channels", channels}} : Json(nullptr);
 }
 
+/// Numbers with dots between them, as chunks are called, perhaps behind "c.".
+bool is_chunk_name(std::string_view name) {
+    if (name.starts_with("c.")) name.remove_prefix(2);
+    bool const ends = !name.empty() && name.front() != '.' && name.back() != '.';
+    return ends && name.find_first_not_of("0123456789.") == std::string_view::npos;
+}
+
+/// True for a folder below an array that has chunks in it, and folders of them, and nothing else.
+bool holds_only_chunks(std::filesystem::path const& folder, int depth) {
+    for (auto const& entry : std::filesystem::directory_iterator(folder)) {
+        std::string const name = entry.path().filename().string();
+        if (!is_chunk_name(name) || entry.is_symlink()) return false;
+        if (entry.is_directory() ? depth == 0 || !holds_only_chunks(entry.path(), depth - 1) : !entry.is_regular_file())
+            return false;
+    }
+    return true;
+}
+
+/// True for an array or group whose files all are metadata and chunks, and those of the arrays and groups in it.
+bool holds_only_zarr(std::filesystem::path const& folder, int depth = 16) {
+    bool array = false, node = false;
+    std::vector<std::filesystem::directory_entry> others;
+    for (auto const& entry : std::filesystem::directory_iterator(folder)) {
+        std::string const name = entry.path().filename().string();
+        bool const metadata =
+            name == ".zarray" || name == ".zgroup" || name == ".zattrs" || name == ".zmetadata" || name == "zarr.json";
+        if (!metadata || !entry.is_regular_file() || entry.is_symlink()) {
+            others.push_back(entry);
+            continue;
+        }
+        array = array || name == ".zarray" || name == "zarr.json"; // which may be a group's
+        node = node || array || name == ".zgroup";
+    }
+    if (!node) return false;
+    for (auto const& entry : others) {
+        std::string const name = entry.path().filename().string();
+        bool const chunks = array && (is_chunk_name(name) || name == "c"); // a file "c" of no dimensions
+        if (entry.is_symlink() || (!entry.is_directory() && !(chunks && entry.is_regular_file()))) return false;
+        if (!entry.is_directory()) continue;
+        if (depth == 0 ||
+            !(holds_only_zarr(entry.path(), depth - 1) || (chunks && holds_only_chunks(entry.path(), depth - 1))))
+            return false;
+    }
+    return true;
+}
+
 bool in_zip(std::string const& path) { return lower_case(path).ends_with(".zip"); }
 
 /// A store in a ZIP file is made in a directory beside it first, since chunks come from several threads.
 class ZarrWriter : public VolumeWriter {
 public:
     ZarrWriter(std::string const& path, WriteOptions const& options)
-        : options_(options), directory_(in_zip(path) ? path + ".parts" : path, options.force && !in_zip(path),
-                                        zarr::is_zarr, "Zarr stores") {
+        : options_(options), directory_(
+                                 in_zip(path) ? path + ".parts" : path, options.force && !in_zip(path),
+                                 [](std::string const& folder) { return holds_only_zarr(folder); }, "Zarr stores") {
         if (in_zip(path)) zip_.emplace(path, options.force);
     }
 

@@ -61,7 +61,8 @@ void check(RenderSettings const& s) {
     if (!positive(s.shortcut)) refuse("--leave-out must be a finite number, 0 or greater");
     if (s.parts < 1 || s.part < 1 || s.part > s.parts) refuse(text("there is no part ", s.part, " of ", s.parts));
     if (int const strips = (s.height + tile_side - 1) / tile_side; s.parts > strips)
-        refuse(text("a picture of ", s.height, " rows has at most ", strips, " parts, of ", tile_side, " rows each"));
+        refuse(text("a picture of ", s.height, " rows has at most ", strips, strips == 1 ? " part, of " : " parts, of ",
+                    tile_side, " rows each"));
     if (s.parts > 1 && (s.goal.tolerance > 0 || s.goal.seconds > 0))
         refuse("with --tolerance or --time pixels of all parts have to do with each other",
                "--noise and --step do not have that");

@@ -99,6 +99,8 @@ PictureContents mean_of(std::vector<PictureContents> const& pictures) {
 PictureContents join_of(std::vector<PictureContents> const& parts) {
     PictureContents const& first = parts.front();
     Part const whole = first.options.part;
+    // OpenEXR does not tell a part that is all of it.
+    if (parts.size() == 1 && first.options.format == PictureFormat::exr && whole.whole_width == 0) return first;
     if (whole.whole_width == 0) refuse("the first picture is no part of another one", "vkt render --tiles makes parts");
     auto const width = static_cast<std::size_t>(whole.whole_width),
                height = static_cast<std::size_t>(whole.whole_height);

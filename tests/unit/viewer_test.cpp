@@ -59,7 +59,7 @@ TEST(Reprojection, isThePictureItselfUntilTheCameraMoves) {
         ASSERT_EQ(places.size(), 25U);
         for (std::size_t k = 0; k < 25; ++k) {
             EXPECT_NEAR(places[k][0], static_cast<double>(k % 5) / 4, 1e-12);
-            EXPECT_NEAR(places[k][1], static_cast<double>(k / 5) / 4, 1e-12);
+            EXPECT_NEAR(places[k][1], std::floor(static_cast<double>(k) / 5) / 4, 1e-12);
         }
     }
 }
@@ -296,7 +296,7 @@ public:
         if (stop.stop_requested()) ++stopped;
         report.camera.fov = s.camera.fov;
         render::Image image{s.width, s.height, {}};
-        image.pixels.resize(static_cast<std::size_t>(4 * s.width * s.height));
+        image.pixels.resize(4 * static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.height));
         return image;
     }
     std::string save(render::Image const& image, render::RenderReport const&, View const& view) override {

@@ -186,11 +186,14 @@ std::string TiffWriter::ours() const {
     Header kept = first_;
     kept.timing = kept.dry_run = false;
     if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
-    if (SeriesAxis const* const times = axis(true); times != nullptr && !times->places.front().empty())
+    if (SeriesAxis const* const times = axis(true); times != nullptr && !times->places.front().empty()) {
         if (auto const steps = steps_of(*times, first_)) {
             kept.attributes["sequence position"] = times->places.front();
             kept.attributes["sequence step"] = to_text(steps->step);
+        } else {
+            kept.attributes[uneven_times] = join(times->places, " ");
         }
+    }
     return one_line(to_json(kept));
 }
 

@@ -45,7 +45,7 @@ struct CellPiece {
         Quad const less1 = ones(less), more1 = ones(more);
         least = less[0] < less1[0] ? less[0] : less1[0];
         greatest = more[0] > more1[0] ? more[0] : more1[0];
-        Mask const none = (low != low) | (high != high);
+        Mask const none = (low != low) | (high != high); // NOLINT(misc-redundant-expression): NaN
         std::uint64_t words[2];
         std::memcpy(words, &none, sizeof words);
         missing = !all_there && (words[0] | words[1]) != 0;
