@@ -433,8 +433,17 @@ for name, more in ("good", b""), ("few", b"xyz"), ("one", b"x"), ("many", b"xyz"
                           (name + "_raw.mha", meta % b"False" + all), (name + "_zlib.mha", meta % b"True" + zlib.compress(all))):
         open(path, "wb").write(content)
         open(path.replace(name, "bad_" + name), "wb").write(content[:-3] + bytes([content[-3] ^ 1]) + content[-2:])
+    open(name + "_wrapped.nrrd.gz", "wb").write(gzip.compress(nrrd % b"raw" + all))
+    open(name + "_beside.raw", "wb").write(all)
+    open(name + "_beside.nhdr", "wb").write((nrrd % b"raw")[:-1] + b"data file: " + name.encode() + b"_beside.raw\n")
 open("sum", "w").write(str(sum(voxels)))
 END
+    for kind in wrapped.nrrd.gz beside.nhdr; do
+        vkt stats good_$kind 2>err | grep -q "sum *$(cat sum)$"
+        [ ! -s err ]
+        vkt stats few_$kind 2>err | grep -q "sum *$(cat sum)$"
+        grep -q "holds 3 bytes more than the voxels that its header names: not read" err
+    done
     for kind in raw.nrrd gzip.nrrd raw.mha zlib.mha; do
         vkt stats good_$kind 2>err | grep -q "sum *$(cat sum)$"
         [ ! -s err ]

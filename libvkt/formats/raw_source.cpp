@@ -149,7 +149,10 @@ void RawSource::check_sizes() {
         struct stat status {};
         if (::stat(file.c_str(), &status) != 0)
             throw system_error(text("cannot open '", file, "' that '", name_, "' names"));
-        if (S_ISREG(status.st_mode)) check_size(file, status.st_size);
+        if (!S_ISREG(status.st_mode)) continue;
+        check_size(file, status.st_size);
+        if (random_ && layout_.byte_skip >= 0 && layout_.line_skip == 0)
+            tell_surplus(file, status.st_size - layout_.byte_skip - share_);
     }
 }
 
@@ -208,8 +211,9 @@ void RawSource::end_stream() {
     bool const decoded = bytes_->decoded();
     if (!stream_ || (layout_.encoding == Encoding::raw && !layout_.exact && !decoded)) return;
     std::vector<std::byte> rest(static_cast<std::size_t>(waste_block));
-    while (decoded && !layout_.exact && stream_->read(rest.data(), rest.size()) > 0) {
-    }
+    std::int64_t total = 0;
+    for (std::size_t more = 1; decoded && !layout_.exact && more > 0; total += static_cast<std::int64_t>(more))
+        more = stream_->read(rest.data(), rest.size());
     std::size_t const surplus = stream_->read(rest.data(), rest.size());
     if (layout_.exact && surplus > 0)
         throw Error(ErrorKind::data,
@@ -217,8 +221,8 @@ void RawSource::end_stream() {
                          surplus == rest.size() ? "at least " : "", share_ + static_cast<std::int64_t>(surplus),
                          " found"),
                     "say the right --dims, --dtype and --skip");
-    if (!skips_decoded()) return;
-    auto total = static_cast<std::int64_t>(surplus);
+    if (!skips_decoded() && !decoded) return;
+    total += static_cast<std::int64_t>(surplus);
     while (std::size_t const more = stream_->read(rest.data(), rest.size())) total += static_cast<std::int64_t>(more);
     tell_surplus(bytes_->name(), total);
 }
