@@ -88,9 +88,9 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) {
     std::optional<double> const at = position_of(header), first = position_of(first_);
     if (at && first && !other_channel(header, first_)) {
         if (!step_) step_ = (*at - *first) / static_cast<double>(volumes_); // the second one tells
-        if (*step_ < 0 || std::abs(*first + *step_ * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step_))
+        if (std::abs(*first + *step_ * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step_))
             throw Error(ErrorKind::usage,
-                        text("volume ", volumes_, " lies at ", *at, ", not ", std::abs(*step_),
+                        text("volume ", volumes_, " lies at ", *at, ", not ", *step_,
                              " behind the one before it, which one ", format_.name, " file cannot say"),
                         "write one file each: " + each);
     }
@@ -127,7 +127,7 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
 std::size_t HeaderAndVoxelsWriter::length_for_series() const {
     if (step_ || !position_of(first_) || data_file_->in_place()) return 0;
     Header longest = first_;
-    longest.attributes["sequence step"] = "1.2345678901234567e-300";
+    longest.attributes["sequence step"] = "-1.2345678901234567e-300";
     std::size_t const length = format_.text({longest, 1, options_.compress ? 0 : -1, data_name_, 0, false, 1}).size();
     return std::max(length, format_.text({first_, 1, options_.compress ? 0 : -1, data_name_, 0, false, 1}).size());
 }
@@ -176,7 +176,7 @@ void HeaderAndVoxelsWriter::take_common(Header header) {
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
     if (axes_) axes_->finish();
-    if (volumes_ > 1 && step_.value_or(0) > 0 && position_of(first_) && !mixed())
+    if (volumes_ > 1 && step_.value_or(0) != 0 && position_of(first_) && !mixed())
         first_.attributes.insert({"sequence step", to_text(*step_)});
     if (mixed()) {
         std::erase(differing_, "channel");
