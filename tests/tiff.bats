@@ -398,6 +398,15 @@ END
     [ ! -e t.tif ]
 }
 
+@test "a list of times that is too short is none" {
+    for time in 2 5 8; do
+        vkt make constant --value $time --dims 4 3 2 | vkt set --attribute "sequence position=$time" --attribute "sequence positions=7"
+    done >times.vkt
+    vkt read times.vkt -o times.tif
+    vkt info times.tif --json | grep -o '"sequence position":"[^"]*"' >found
+    printf '"sequence position":"%s"\n' 2 5 8 | cmp - found
+}
+
 @test "damaged TIFF files end in an error and never in a crash" {
     vkt make noise --dims 30 20 6 --dtype uint16 -o a.tif
     vkt write a.tif c.tif --compress

@@ -17,11 +17,6 @@ namespace vkt {
 
 namespace {
 
-std::optional<double> number_of(Header const& header, char const* attribute) {
-    auto const found = header.attributes.find(attribute);
-    return found == header.attributes.end() ? std::nullopt : number_in(found->second);
-}
-
 /// Along the axis that enumerates volumes.
 std::optional<double> position_of(Header const& header) { return number_of(header, "sequence position"); }
 

@@ -84,6 +84,11 @@ std::optional<double> number_in(std::string_view word) {
     return value;
 }
 
+std::optional<double> number_of(Header const& header, std::string const& attribute) {
+    auto const found = header.attributes.find(attribute);
+    return found == header.attributes.end() ? std::nullopt : number_in(found->second);
+}
+
 std::optional<std::int64_t> integer_in(std::string_view word) {
     if (!word.empty() && word.front() == '+') word.remove_prefix(1);
     std::int64_t value = 0;

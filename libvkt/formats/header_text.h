@@ -24,6 +24,8 @@ std::string one_line(std::string text);
 /// The whole word as a number (also nan, inf, a leading +), or nullopt.
 std::optional<double> number_in(std::string_view word);
 std::optional<std::int64_t> integer_in(std::string_view word);
+/// An attribute that is a number.
+std::optional<double> number_of(Header const& header, std::string const& attribute);
 
 /// The names that a printf pattern with one %d (flags 0, width up to 64) makes of first, first+step, …, last.
 /// Throws Error{data} for other patterns, a zero or contrary step, or more than 2^20 files.

@@ -164,12 +164,8 @@ void read_extended(ByteSource& bytes, RawLayout& layout, std::span<std::byte con
         if (same) {
             header = std::move(kept);
             header.dry_run = header.timing = false;
-            auto const number = [&](char const* key) {
-                auto const found = header.attributes.find(key);
-                return found == header.attributes.end() ? std::nullopt : number_in(found->second);
-            };
-            if (auto const step = number("sequence step"); step && layout.volumes > 1)
-                layout.sequence = SequenceAxis{number("sequence position").value_or(0), *step};
+            if (auto const step = number_of(header, "sequence step"); step && layout.volumes > 1)
+                layout.sequence = SequenceAxis{number_of(header, "sequence position").value_or(0), *step};
             return;
         }
         header.history = kept.history;

@@ -321,12 +321,8 @@ void Reader::use_ours(RawLayout& layout) const {
     layout.header.dry_run = layout.header.timing = false;
     layout.sequence.reset();
     if (layout.volumes / layout.channels < 2) return;
-    auto const number = [&](char const* key) {
-        auto const found = ours.attributes.find(key);
-        return found == ours.attributes.end() ? std::nullopt : number_in(found->second);
-    };
-    if (auto const step = number("sequence step"))
-        layout.sequence = SequenceAxis{number("sequence position").value_or(0), *step};
+    if (auto const step = number_of(ours, "sequence step"))
+        layout.sequence = SequenceAxis{number_of(ours, "sequence position").value_or(0), *step};
 }
 
 RawLayout Reader::layout() const {
@@ -345,11 +341,6 @@ RawLayout Reader::layout() const {
 }
 
 // --- A volume to fields ---------------------------------------------------------------------------------------------
-
-std::optional<double> number_of(Header const& header, std::string const& attribute) {
-    auto const found = header.attributes.find(attribute);
-    return found == header.attributes.end() ? std::nullopt : number_in(found->second);
-}
 
 std::optional<std::int64_t> code_of(Header const& header, std::string const& attribute) {
     auto const code = number_of(header, attribute);

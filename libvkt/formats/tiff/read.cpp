@@ -75,26 +75,20 @@ TiffDescription TiffFile::describe(std::string const& image, bool trust_paths) {
 
 /// They begin where the first volume lay, and have the unit that it stated.
 void use_our_times(std::int64_t frames, ParsedGrids& grids) {
-    auto const stated = [&](char const* name) {
-        auto const found = grids.header.attributes.find(name);
-        return found == grids.header.attributes.end() ? std::nullopt : number_in(found->second);
-    };
-    auto const first = stated("sequence position"), step = stated("sequence step");
+    auto const first = number_of(grids.header, "sequence position"), step = number_of(grids.header, "sequence step");
     std::vector<std::string> uneven;
     if (auto const found = grids.header.attributes.find(uneven_times); found != grids.header.attributes.end()) {
         uneven = words_of(found->second);
         grids.header.attributes.erase(found);
     }
-    if (frames < 2 || (std::ssize(uneven) != frames && (!first || !step))) return;
+    bool const listed = std::ssize(uneven) == frames;
+    if (frames < 2 || (!listed && (!first || !step))) return;
     auto const each = grids.attributes.size() / static_cast<std::size_t>(frames);
     for (std::size_t v = 0; v < grids.attributes.size(); ++v) {
         for (char const* const name : {"sequence step", "sequence units"}) grids.attributes[v].erase(name);
         std::size_t const time = v / each;
-        if (!uneven.empty()) {
-            grids.attributes[v]["sequence position"] = uneven[time];
-            continue;
-        }
-        grids.attributes[v]["sequence position"] = to_text(*first + static_cast<double>(time) * *step);
+        grids.attributes[v]["sequence position"] =
+            listed ? uneven[time] : to_text(*first + static_cast<double>(time) * *step);
     }
 }
 
