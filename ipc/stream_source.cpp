@@ -101,8 +101,9 @@ private:
     Box expected_;
     std::optional<FrameHeader> pending_; ///< first frame, read to learn the slab height
     std::optional<SlabHead> pending_slab_;
-    PieceOrder order_;                     ///< of the slabs
-    std::optional<std::uint32_t> segment_; ///< that take_whole() hands out
+    std::optional<std::int64_t> first_height_; ///< slices of the first slab, once that is known
+    PieceOrder order_;                         ///< of the slabs
+    std::optional<std::uint32_t> segment_;     ///< that take_whole() hands out
     std::uint64_t segment_bytes_ = 0;
     std::optional<Space> space_; ///< of the first slab, once that is known
     double wait_ = 0;
@@ -128,6 +129,7 @@ bool StreamSource::Reader::next_volume() {
     expected_ = box_of(header_.dims);
     pending_.reset();
     pending_slab_.reset();
+    first_height_.reset();
     bricks_.emplace(frames_, options_.piece);
     space_.reset();
     return true;
@@ -173,21 +175,25 @@ bool StreamSource::Reader::peek_slab() {
         throw Error(ErrorKind::data, text("bricks in the structured volume on ", frames_.name()));
     pending_slab_ = read_slab_head(frame);
     pending_ = frame;
+    if (!first_height_) {
+        Box const slab = box_of_slab(*pending_slab_);
+        first_height_ = pending_slab_->slab.place != Residence::here ? slab.dims().z
+                                                                     : std::min(slab.dims().z, pieces_of(slab).slices);
+    }
     return true;
 }
 
 std::int64_t StreamSource::Reader::first_slab_height() {
     if (thread_.joinable() || complete_ || header_.dry_run || header_.kind != Kind::structured) return 0;
-    if (!peek_slab()) throw Error(ErrorKind::data, text("the volume on ", frames_.name(), " has no slabs"));
-    Box const slab = box_of_slab(*pending_slab_);
-    return pending_slab_->slab.place != Residence::here ? slab.dims().z
-                                                        : std::min(slab.dims().z, pieces_of(slab).slices);
+    if (!first_height_ && !peek_slab())
+        throw Error(ErrorKind::data, text("the volume on ", frames_.name(), " has no slabs"));
+    return *first_height_; // also once that slab, or the last, has been read
 }
 
 Space StreamSource::Reader::space() {
     if (!options_.gpu || header_.dry_run || header_.kind != Kind::structured) return Space::host;
     if (!space_) {
-        bool const shared = first_slab_height() > 0 && pending_slab_->slab.place == Residence::shared;
+        bool const shared = first_slab_height() > 0 && pending_slab_ && pending_slab_->slab.place == Residence::shared;
         if (shared) (void)frames_.shared_slot(pending_slab_->slab.slot, pending_slab_->slab.bytes);
         space_ = shared ? frames_.channel()->memory_of(pending_slab_->slab.slot)->space() : Space::host;
     }
@@ -395,7 +401,8 @@ std::shared_ptr<Lease> StreamSource::Reader::lease(Box const& region) {
 }
 
 std::optional<Volume> StreamSource::Reader::take_whole() {
-    if (!options_.whole || first_slab_height() == 0 || pending_slab_->slab.place != Residence::segment)
+    if (!options_.whole || first_slab_height() == 0 || !pending_slab_ ||
+        pending_slab_->slab.place != Residence::segment)
         return std::nullopt;
     std::uint32_t const name = pending_slab_->slab.slot;
     segment_ = name;

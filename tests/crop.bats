@@ -204,3 +204,29 @@ PY
     fails_with 2 'with steps is no box' vkt crop tree.vkt --roi ::2,:,: -o no.vkt
     [ ! -e no.nrrd ] && [ ! -e no.vkt ]
 }
+
+@test "several threads read the rows of large files: the same voxels, of one file or of many, in any order of bytes" {
+    python_with numpy
+    /usr/bin/python3 -c "
+import numpy as np
+v = np.random.default_rng(7).integers(0, 65536, (240, 250, 300)).astype('>u2')
+v.tofile('big.raw')
+for i in range(2):
+    v[i * 120:(i + 1) * 120].tofile(f'part{i}.raw')
+v[37:203, 20:249, 11:299].astype('<u2').tofile('want.raw')
+v[125:203, 20:249, 11:299].astype('<u2').tofile('want_second.raw')
+v[37:203, :, 299:].astype('<u2').tofile('want_column.raw')"
+    header='NRRD0004\ntype: ushort\ndimension: 3\nsizes: 300 250 240\nencoding: raw\nendian: big'
+    printf "$header\ndata file: big.raw\n" >one.nhdr
+    printf "$header\ndata file: LIST\npart0.raw\npart1.raw\n" >two.nhdr
+    for file in one.nhdr two.nhdr; do
+        for threads in 1 16; do
+            VKT_THREADS=$threads vkt crop $file --roi 11:299,20:249,37:203 --slab 100 | raw | cmp - want.raw
+            VKT_THREADS=$threads vkt crop $file --roi 11:299,20:249,125:203 --slab 100 | raw | cmp - want_second.raw
+            VKT_THREADS=$threads vkt crop $file --roi 299:,:,37:203 --slab 166 | raw | cmp - want_column.raw
+        done
+    done
+    truncate -s -1000 part1.raw
+    ! VKT_THREADS=16 vkt crop two.nhdr --roi 11:299,20:249,125: --slab 200 -o out.nrrd || false
+    [ ! -e out.nrrd ]
+}

@@ -120,7 +120,9 @@ public:
     /// False if it cannot be used now, and nothing was done. The memory is had when there is much to copy.
     bool copy(std::byte* device, std::byte* host, std::size_t bytes, bool to_device) {
         std::unique_lock const lock(mutex_, std::try_to_lock);
-        if (!lock || (memory_ == nullptr && (bytes < worth_it || !prepare()))) return false;
+        if (!lock) return false;
+        asked_ += bytes;
+        if (memory_ == nullptr && (asked_ < worth_it || !prepare())) return false;
         std::size_t const count = (bytes + part - 1) / part;
         auto const size = [&](std::size_t i) { return std::min(part, bytes - i * part); };
         auto const place = [&](std::size_t i) { return memory_ + i % parts * part; };
@@ -148,7 +150,7 @@ public:
 
 private:
     static constexpr std::size_t part = std::size_t{8} << 20, parts = 4;
-    static constexpr std::size_t worth_it = std::size_t{64} << 20; ///< that is worth the memory
+    static constexpr std::size_t worth_it = std::size_t{64} << 20; ///< in all, that is worth the memory
 
     bool prepare() {
         if (refused_) return false;
@@ -179,6 +181,7 @@ private:
     }
 
     std::mutex mutex_;
+    std::size_t asked_ = 0;       ///< bytes
     std::byte* memory_ = nullptr; ///< as long as the process lives
     std::array<cudaEvent_t, parts> done_{};
     bool refused_ = false; ///< there was none

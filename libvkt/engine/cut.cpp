@@ -21,6 +21,7 @@ constexpr std::size_t least_budget = std::size_t{4} << 20;
 std::size_t budget(Execution const& execution) { return std::max(execution.memory, least_budget); }
 
 std::size_t natural_bytes(Execution const& execution) {
+    if (execution.device == Device::gpu) return slab_bytes_on_gpu; // what goes there or comes from there waits less
     return static_cast<std::size_t>(std::min(share_of_threads(execution.threads), 4)) * slab_bytes;
 }
 

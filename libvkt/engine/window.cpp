@@ -11,6 +11,19 @@
 
 namespace vkt {
 
+namespace {
+
+/// The first slices of a region that lie in memory, as many as a few questions find.
+std::optional<ConstView> first_lent(Source& source, Box region) {
+    for (std::int64_t slices = region.dims().z; slices > 0; slices /= 2) {
+        region.upper.z = region.lower.z + slices;
+        if (auto lent = source.borrow(region)) return lent;
+    }
+    return std::nullopt;
+}
+
+} // namespace
+
 void read_across(Source& source, AnyView to, Buffer& staging, Execution const& execution) {
     if (source.space() == to.space) {
         if (auto const lent = source.borrow(to.box))
@@ -19,15 +32,21 @@ void read_across(Source& source, AnyView to, Buffer& staging, Execution const& e
             source.read(to);
         return;
     }
-    // To a GPU, or from one, in pieces that stay in the caches on their way: those that a source hands out.
+    // To a GPU, or from one, in pieces: those that a source hands out, of which it may hold other slabs.
     Header piece;
     piece.dims = to.box.dims();
     piece.dtype = to.type;
-    for_each_piece(to.box, cut_of(piece, source.natural_slab(), execution), [&](Box const& box) {
-        if (auto const lent = source.borrow(box)) return copy_region(*lent, to.part(box), execution);
-        AnyView const small = to.part(box);
+    for_each_piece(to.box, cut_of(piece, source.natural_slab(), execution), [&](Box rest) {
+        while (!rest.empty()) {
+            auto const lent = first_lent(source, rest);
+            if (!lent) break;
+            copy_region(*lent, to.part(lent->box), execution);
+            rest.lower.z = lent->box.upper.z;
+        }
+        if (rest.empty()) return;
+        AnyView const small = to.part(rest);
         staging.reserve(small.bytes());
-        AnyView const staged = dense_view(staging.write(source.space()), to.type, box, source.space());
+        AnyView const staged = dense_view(staging.write(source.space()), to.type, rest, source.space());
         source.read(staged);
         copy_region(staged, small, execution);
     });

@@ -3,6 +3,7 @@
 #include "libvkt/formats/raw_source.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 #include "libvkt/io/system_error.h"
 
@@ -76,7 +77,14 @@ private:
     void fetch_forward(std::int64_t position, std::byte* to, std::int64_t n);
     void advance(std::byte* to, std::int64_t n);
     void skip_to(std::int64_t position);
-    void read_rows(AnyView const& out, std::int64_t z);
+    std::int64_t position_of(Index3 voxel) const;
+    int threads_for(Box const& region);
+    std::int64_t rows_of_group(AnyView const& out) const;
+    static std::int64_t groups_of(Box const& region, std::int64_t rows);
+    template <class Fetch>
+    void read_group(AnyView const& out, std::int64_t rows, std::int64_t i, std::vector<std::byte>& scratch,
+                    Fetch const& fetch) const;
+    void read_groups_together(AnyView const& out, int threads) const;
     void order_bytes(AnyView const& out) const;
     [[noreturn]] void ended_early(std::int64_t got) const;
 
@@ -313,38 +321,84 @@ void RawSource::read(AnyView out) {
     Index3 const size = out.dims();
     if (size.x == dims.x && out.row == size.x && size.y == dims.y && (out.slice == size.x * size.y || size.z == 1)) {
         fetch(out.box.lower.z * row * dims.y, out.data, row * dims.y * size.z);
+    } else if (int const threads = threads_for(out.box); threads > 1) {
+        read_groups_together(out, threads);
     } else {
-        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z) read_rows(out, z);
+        std::int64_t const rows = rows_of_group(out);
+        for (std::int64_t i = 0; i < groups_of(out.box, rows); ++i)
+            read_group(out, rows, i, scratch_,
+                       [this](std::int64_t position, std::byte* to, std::int64_t n) { fetch(position, to, n); });
     }
     order_bytes(out);
 }
 
-/// The rows of one slice of `out`.
-void RawSource::read_rows(AnyView const& out, std::int64_t z) {
+std::int64_t RawSource::position_of(Index3 voxel) const {
+    Index3 const& dims = layout_.header.dims;
+    return ((voxel.z * dims.y + voxel.y) * dims.x + voxel.x) * static_cast<std::int64_t>(size_of(layout_.header.dtype));
+}
+
+/// Threads that share the rows of a region: several only where all of them lie in one file.
+int RawSource::threads_for(Box const& region) {
+    if (!random_) return 1;
+    std::int64_t const before = index_ * volume_bytes_, first = before + position_of(region.lower),
+                       last = before + position_of(region.upper - Index3{1, 1, 1});
+    if (first / share_ != last / share_) return 1;
+    open(static_cast<std::size_t>(first / share_));
+    return bytes_->threads_for(static_cast<std::size_t>(region.voxels()) * size_of(layout_.header.dtype));
+}
+
+/// Rows of a slice that are read together, with what lies between them.
+std::int64_t RawSource::rows_of_group(AnyView const& out) const {
+    Index3 const n = out.dims();
     auto const element = static_cast<std::int64_t>(size_of(out.type));
-    Index3 const dims = layout_.header.dims;
-    Box const& box = out.box;
-    std::int64_t const row = dims.x * element, wanted = box.dims().x * element;
-    auto const position = [&](std::int64_t y) { return (z * dims.y + y) * row + box.lower.x * element; };
-    if (wanted == row && out.row == dims.x) {
-        fetch(position(box.lower.y), out.at(box.lower.x, box.lower.y, z), row * box.dims().y);
-        return;
-    }
+    std::int64_t const row = layout_.header.dims.x * element, wanted = n.x * element;
+    if (wanted == row && out.row == n.x) return n.y; // one piece of the file and of memory
     // A stream has to be read through anyway.
     bool const together = !random_ || row - wanted <= cheap_gap;
-    std::int64_t const rows = together ? std::clamp<std::int64_t>(piece / row, 1, box.dims().y) : 1;
-    for (std::int64_t y = box.lower.y; y < box.upper.y; y += rows) {
-        std::int64_t const count = std::min(rows, box.upper.y - y);
-        if (count == 1) {
-            fetch(position(y), out.at(box.lower.x, y, z), wanted);
-            continue;
-        }
-        std::int64_t const span = (count - 1) * row + wanted;
-        if (std::ssize(scratch_) < span) scratch_.resize(static_cast<std::size_t>(span));
-        fetch(position(y), scratch_.data(), span);
-        for (std::int64_t i = 0; i < count; ++i)
-            std::memcpy(out.at(box.lower.x, y + i, z), scratch_.data() + i * row, static_cast<std::size_t>(wanted));
+    return together ? std::clamp<std::int64_t>(piece / row, 1, n.y) : 1;
+}
+std::int64_t RawSource::groups_of(Box const& region, std::int64_t rows) {
+    Index3 const n = region.dims();
+    return (n.y + rows - 1) / rows * n.z;
+}
+
+/// Group i of a region's rows; fetch(position, to, bytes) reads.
+template <class Fetch>
+void RawSource::read_group(AnyView const& out, std::int64_t rows, std::int64_t i, std::vector<std::byte>& scratch,
+                           Fetch const& fetch) const {
+    auto const element = static_cast<std::int64_t>(size_of(out.type));
+    Box const& box = out.box;
+    std::int64_t const row = layout_.header.dims.x * element, wanted = box.dims().x * element,
+                       in_slice = groups_of({{}, {1, box.dims().y, 1}}, rows), z = box.lower.z + i / in_slice,
+                       y = box.lower.y + i % in_slice * rows, count = std::min(rows, box.upper.y - y);
+    std::int64_t const position = position_of({box.lower.x, y, z});
+    if (count == 1 || (wanted == row && out.row == box.dims().x)) {
+        fetch(position, out.at(box.lower.x, y, z), count * wanted);
+        return;
     }
+    std::int64_t const span = (count - 1) * row + wanted;
+    if (std::ssize(scratch) < span) scratch.resize(static_cast<std::size_t>(span));
+    fetch(position, scratch.data(), span);
+    for (std::int64_t k = 0; k < count; ++k)
+        std::memcpy(out.at(box.lower.x, y + k, z), scratch.data() + k * row, static_cast<std::size_t>(wanted));
+}
+
+/// One processor copies out of the page cache more slowly than memory could give.
+void RawSource::read_groups_together(AnyView const& out, int threads) const {
+    std::int64_t const rows = rows_of_group(out), groups = groups_of(out.box, rows), before = index_ * volume_bytes_;
+    FirstFailure failure;
+#pragma omp parallel num_threads(threads)
+    {
+        std::vector<std::byte> scratch;
+#pragma omp for schedule(static)
+        for (std::int64_t i = 0; i < groups; ++i)
+            failure.catch_from([&] {
+                read_group(out, rows, i, scratch, [&](std::int64_t position, std::byte* to, std::int64_t n) {
+                    bytes_->read_at(offset_ + (before + position) % share_, to, static_cast<std::size_t>(n));
+                });
+            });
+    }
+    failure.rethrow();
 }
 
 void RawSource::order_bytes(AnyView const& out) const {

@@ -29,7 +29,7 @@ constexpr std::size_t longest_line = std::size_t{1} << 20;
 constexpr std::size_t largest_read = std::size_t{1} << 30;
 /// One processor copies out of the page cache more slowly than memory could give: where there are many, a few share a
 /// read.
-constexpr int most_readers = 4;
+constexpr int most_readers = 8;
 constexpr std::int64_t large_file = std::int64_t{16} << 20;
 constexpr std::size_t least_share = std::size_t{256} << 10;
 
@@ -52,7 +52,7 @@ ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descripto
     // A shell may hand over a file that others have read from: `{ head -1; vkt read -; } < file`.
     if (size_ >= 0) position_ = here;
     if (size_ < large_file) return;
-    readers_ = std::min(share_of_threads(default_threads()), most_readers);
+    readers_ = std::clamp(default_threads() / 2, 1, most_readers);
     // LLVM's runtime looks things up in the first thread that it met, which must not be one that reads ahead and ends.
     if (readers_ > 1) static_cast<void>(omp_get_max_threads());
 }
@@ -184,9 +184,13 @@ void ByteSource::seek(std::int64_t position) {
     position_ = position;
 }
 
+int ByteSource::threads_for(std::size_t n) const {
+    return static_cast<int>(std::clamp<std::size_t>(n / least_share, 1, static_cast<std::size_t>(readers_)));
+}
+
 void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
     auto* const bytes = static_cast<std::byte*>(to);
-    int const parts = static_cast<int>(std::clamp<std::size_t>(n / least_share, 1, static_cast<std::size_t>(readers_)));
+    int const parts = threads_for(n);
     std::size_t const there = parts > 1 ? read_together(position, bytes, n, parts) : read_part(position, bytes, n);
     if (there < n)
         throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),

@@ -50,6 +50,8 @@ public:
     /// Reads at an absolute position of a seekable file without moving; throws Error{data} if the file is too short.
     /// Threads share large reads of large files.
     void read_at(std::int64_t position, void* to, std::size_t n) const;
+    /// Threads that may well share a read of so many bytes: 1 of small files, and of what is no file.
+    int threads_for(std::size_t n) const;
     /// Bytes already taken from the descriptor but not consumed, for those who go on with the descriptor alone.
     std::vector<std::byte> take_lookahead();
 

@@ -55,6 +55,33 @@ TEST_P(Transports, VoxelsArriveUnchanged) {
     }
 }
 
+TEST_P(Transports, SlabsMayBeAskedForTheirHeightAtAnyTime) {
+    std::vector<Volume> const volumes{patterned({64, 32, 20}, 1), patterned({64, 32, 3}, 2)};
+    for (std::int64_t slab : {4, 64}) {
+        Pipe pipe;
+        std::string notice;
+        std::thread producer([&] { produce(pipe.write_end, GetParam(), volumes, slab, &notice); });
+        auto const source = source_of(pipe.read_end);
+        for (Volume const& volume : volumes) {
+            ASSERT_TRUE(source->next_volume());
+            std::int64_t const height = source->natural_slab();
+            EXPECT_EQ(height, std::min(slab, volume.header().dims.z));
+            Volume read(source->header());
+            for (std::int64_t z = 0; z < volume.header().dims.z; ++z) {
+                Box slice = box_of(volume.header().dims);
+                slice.lower.z = z;
+                slice.upper.z = z + 1;
+                source->read(read.mutable_view().part(slice));
+                std::int64_t const again = source->natural_slab();
+                EXPECT_TRUE(again == height || again == 0) << again;
+            }
+            source->finish();
+        }
+        EXPECT_FALSE(source->next_volume());
+        producer.join();
+    }
+}
+
 TEST_P(Transports, AThirdPartyInBetweenKeepsVoxelsInThePipe) {
     std::vector<Volume> const volumes{patterned({256, 256, 40}, 5)};
     Pipe first, second;

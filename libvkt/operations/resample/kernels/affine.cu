@@ -213,8 +213,6 @@ private:
 /// Linear in float32, of voxels of type T, where all that is counted has room in 32 bits: the same bits as Sample, to
 /// which all is left that lies elsewhere than among voxels.
 template <class T> struct LinearSample {
-    static constexpr int blocks_at_once = 4;
-
     Sample<Linear, float, T> any;
     std::byte const* origin;            ///< of the input volume's voxel 0, which need not be there
     int row, slice;                     ///< bytes
@@ -224,13 +222,18 @@ template <class T> struct LinearSample {
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         PositionRow const centre = row_of(any.s.map, {}, any.s.first.y + y, any.s.first.z + z);
+        if (!among_voxels(centre, x, y, z, counts)) at_last(centre, x, y, z, counts);
+    }
+    /// Most voxels; false if nothing was done, because something is to be looked at more closely.
+    __device__ __forceinline__ bool among_voxels(PositionRow const& centre, std::int64_t x, std::int64_t y,
+                                                 std::int64_t z, driver::LossCounts& counts) const {
         auto const column = static_cast<double>(any.s.first.x + x);
         Part const px = part(centre.x, column), py = part(centre.y, column), pz = part(centre.z, column);
         if (!(static_cast<unsigned>(px.index) < inner_x && static_cast<unsigned>(py.index) < inner_y &&
               static_cast<unsigned>(pz.index) < inner_z)) {
-            if (is_far(px.index, inner_x) || is_far(py.index, inner_y) || is_far(pz.index, inner_z))
-                return store_background(any.out.at(x, y, z), counts);
-            return elsewhere(x, y, z, counts);
+            bool const far = is_far(px.index, inner_x) || is_far(py.index, inner_y) || is_far(pz.index, inner_z);
+            if (far) store_background(any.out.at(x, y, z), counts);
+            return far;
         }
         auto const* const near = reinterpret_cast<T const*>(
             origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
@@ -247,12 +250,19 @@ template <class T> struct LinearSample {
             float odd = 0; // NaN, if one of them is not finite
 #pragma unroll
             for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
-            if (odd != 0) return elsewhere(x, y, z, counts);
+            if (odd != 0) return false;
         }
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
         float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
                                        fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
         store(any.out.at(x, y, z), value, counts);
+        return true;
+    }
+    /// The others: near a face, or beside a voxel that is not finite.
+    __device__ __forceinline__ void at_last(PositionRow const& centre, std::int64_t x, std::int64_t y, std::int64_t z,
+                                            driver::LossCounts& counts) const {
+        if (any.s.bounded) return elsewhere(x, y, z, counts);
+        store_found(closely(centre, static_cast<double>(any.s.first.x + x)), any.out.at(x, y, z), counts);
     }
     /// What Sample does, apart, lest it takes registers from what nearly all threads do.
     __device__ __forceinline__ void elsewhere(std::int64_t x, std::int64_t y, std::int64_t z,
@@ -264,6 +274,56 @@ template <class T> struct LinearSample {
         driver::LossCounts own;
         any(x, y, z, own);
         return own;
+    }
+    /// The two voxels along an axis around a position, those at the faces being continued: there is no boundary rule.
+    struct Pair {
+        std::int64_t first, second; ///< bytes from voxel 0
+        double rest;
+        bool inside, whole; ///< the position is; both voxels are
+    };
+    static __device__ __forceinline__ Pair pair(PositionLine const& line, double x, double end, int n, int stride) {
+        Split const at = split(along(line, x));
+        int const last = n - 1;
+        return {static_cast<std::int64_t>(min(max(at.index, 0), last)) * stride,
+                static_cast<std::int64_t>(min(max(at.index + 1, 0), last)) * stride, at.rest,
+                lies_in(at.snapped(), end), at.index >= 0 && at.index < last};
+    }
+    __device__ __forceinline__ T voxel(std::int64_t at) const { return *reinterpret_cast<T const*>(origin + at); }
+    struct Found {
+        float value;
+        bool inside;
+    };
+    /// What Sample does without a boundary rule, in a tenth of its steps: in double within a voxel of a face.
+    __device__ __noinline__ Found closely(PositionRow const& centre, double column) const {
+        DeviceSampling const& s = any.s;
+        Pair const px = pair(centre.x, column, s.end_x, s.inner_x, static_cast<int>(sizeof(T))),
+                   py = pair(centre.y, column, s.end_y, s.inner_y, row),
+                   pz = pair(centre.z, column, s.end_z, s.inner_z, slice);
+        if (!px.inside || !py.inside || !pz.inside) return {0, false};
+        T v[2][2][2];
+#pragma unroll
+        for (int i = 0; i < 8; ++i)
+            v[i / 4][i / 2 % 2][i % 2] =
+                voxel((i % 2 == 0 ? px.first : px.second) + (i / 2 % 2 == 0 ? py.first : py.second) +
+                      (i / 4 == 0 ? pz.first : pz.second));
+        return {px.whole && py.whole && pz.whole ? linear<float>(v, px.rest, py.rest, pz.rest)
+                                                 : static_cast<float>(linear<double>(v, px.rest, py.rest, pz.rest)),
+                true};
+    }
+    template <class C> static __device__ __forceinline__ C linear(T const (&v)[2][2][2], double x, double y, double z) {
+        auto const fx = static_cast<C>(x), fy = static_cast<C>(y), fz = static_cast<C>(z);
+        C plane[2];
+#pragma unroll
+        for (int k = 0; k < 2; ++k)
+            plane[k] = between(between(static_cast<C>(v[k][0][0]), static_cast<C>(v[k][0][1]), fx),
+                               between(static_cast<C>(v[k][1][0]), static_cast<C>(v[k][1][1]), fx), fy);
+        return between(plane[0], plane[1], fz);
+    }
+    __device__ __forceinline__ void store_found(Found const& found, std::byte* to, driver::LossCounts& counts) const {
+        if (found.inside)
+            store(to, found.value, counts);
+        else
+            store_background(to, counts);
     }
     /// A voxel further than half of one beyond a face, by the whole below its position; no rule continues the volume.
     __device__ __forceinline__ bool is_far(int index, unsigned inner) const {
@@ -305,6 +365,40 @@ template <class T> struct LinearSample {
     };
 };
 
+/// A thread's voxels of a row, most of them one after the other and then those that want a closer look: what these need
+/// takes no registers from the others.
+template <class T>
+__global__ void __launch_bounds__(256, 4)
+    linear_kernel(driver::Blocks blocks, Index3 n, __grid_constant__ LinearSample<T> const sample,
+                  unsigned long long* totals) {
+    using Shape = driver::SlantedBlock;
+    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * Shape::width + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * Shape::y +
+                           threadIdx.y,
+                       z = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * Shape::z +
+                           threadIdx.z;
+    driver::LossCounts counts;
+    if (y < n.y && z < n.z) {
+        DeviceSampling const& s = sample.any.s;
+        PositionRow const centre = row_of(s.map, {}, s.first.y + y, s.first.z + z);
+        std::uint32_t left = 0;
+        for (int i = 0; i < Shape::strips; ++i) {
+            std::int64_t const x = x0 + i * Shape::x;
+            if (x < n.x && !sample.among_voxels(centre, x, y, z, counts)) left |= 1U << i;
+        }
+        for (; left != 0; left &= left - 1)
+            sample.at_last(centre, x0 + (__ffs(static_cast<int>(left)) - 1) * Shape::x, y, z, counts);
+    }
+    driver::add_counts(counts, totals);
+}
+
+template <class T> void launch_linear(Index3 n, LinearSample<T> const& sample, unsigned long long* totals) {
+    using Shape = driver::SlantedBlock;
+    driver::Blocks const blocks = driver::blocks_of<Shape>(n);
+    linear_kernel<T><<<blocks.all, dim3(Shape::x, Shape::y, Shape::z)>>>(blocks, n, sample, totals);
+    check_launch("affine_sample");
+}
+
 constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
 
 /// Slices along the axis that stays: a thread looks up its place in the plane once for all of its slices, of which it
@@ -341,14 +435,16 @@ __global__ void __launch_bounds__(256, 3)
         auto const* const near =
             sample.origin + static_cast<std::int64_t>(pw.index) * across + px.index * static_cast<int>(sizeof(T));
         driver::DeviceRows const& out = sample.any.out;
-        auto const one = [&](std::int64_t slice) { sample(x, by_z ? row : slice, by_z ? slice : row, counts); };
-        for (std::int64_t slice = first; far && slice < end; ++slice)
-            sample.store_background(by_z ? out.at(x, row, slice) : out.at(x, slice, row), counts);
-        for (std::int64_t slice = first; !far && slice < end; slice += slices_at_once) {
+        auto const place = [&](std::int64_t slice) { return by_z ? out.at(x, row, slice) : out.at(x, slice, row); };
+        if (far)
+            for (std::int64_t slice = first; slice < end; ++slice) sample.store_background(place(slice), counts);
+        std::uint32_t left = 0; // slices, of which each may be computed in another way
+        for (int i = 0; !far && i < plane_slices; i += slices_at_once) {
+            std::int64_t const slice = first + i;
             // The last slice is what LinearSample leaves to Sample, however slices are cut.
             if (!inner || slice + slices_at_once > end || begin + slice < 0 ||
                 begin + slice + slices_at_once >= there) {
-                for (std::int64_t k = slice; k < end && k < slice + slices_at_once; ++k) one(k);
+                left |= ((1U << slices_at_once) - 1) << i;
                 continue;
             }
             float v[slices_at_once][4];
@@ -369,12 +465,39 @@ __global__ void __launch_bounds__(256, 3)
 #pragma unroll
                     for (float const value : v[k]) odd = __fmaf_rn(value, 0.0F, odd);
                     if (odd != 0) {
-                        one(slice + k);
+                        left |= 1U << (i + k);
                         continue;
                     }
                 }
                 float const value = fw.between(fx.between(v[k][0], v[k][1]), fx.between(v[k][2], v[k][3]));
-                sample.store(by_z ? out.at(x, row, slice + k) : out.at(x, slice + k, row), value, counts);
+                sample.store(place(slice + k), value, counts);
+            }
+        }
+        if (left != 0) {
+            typename Sampler::Pair const face_x = Sampler::pair(centre.x, column, s.end_x, s.inner_x, sizeof(T)),
+                                         face_w =
+                                             by_z ? Sampler::pair(centre.y, column, s.end_y, s.inner_y, sample.row)
+                                                  : Sampler::pair(centre.z, column, s.end_z, s.inner_z, sample.slice);
+            for (; left != 0; left &= left - 1) {
+                std::int64_t const slice = first + __ffs(static_cast<int>(left)) - 1, at = begin + slice;
+                if (slice >= end) break;
+                if (s.bounded || (inner && at >= 0 && at + 1 < there)) {
+                    sample(x, by_z ? row : slice, by_z ? slice : row, counts);
+                    continue;
+                }
+                // Within a voxel of a face, in double; the axis that stays has no fraction.
+                typename Sampler::Found found{0, face_x.inside && face_w.inside && at >= 0 && at < there};
+                if (found.inside) {
+                    auto const v = [&](std::int64_t dx, std::int64_t dw) {
+                        return static_cast<double>(sample.voxel(at * along + dx + dw));
+                    };
+                    double const near = between(v(face_x.first, face_w.first), v(face_x.second, face_w.first),
+                                                face_x.rest),
+                                 next = between(v(face_x.first, face_w.second), v(face_x.second, face_w.second),
+                                                face_x.rest);
+                    found.value = static_cast<float>(between(near, next, face_w.rest));
+                }
+                sample.store_found(found, place(slice), counts);
             }
         }
     }
@@ -473,7 +596,7 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  in.type == out.type};
     if (StillAxis const still = still_axis(rule.map); still.axis >= 0)
         return launch_slices(out.dims(), still, sample, totals);
-    driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
+    launch_linear(out.dims(), sample, totals);
 }
 
 void sample_single(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
