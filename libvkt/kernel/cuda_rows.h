@@ -52,6 +52,10 @@ template <class C> __device__ __forceinline__ C load_value(DataType type, std::b
 
 struct LossCounts {
     unsigned clipped = 0, nan = 0, undefined = 0;
+
+    __device__ __forceinline__ void operator+=(LossCounts const& more) {
+        clipped += more.clipped, nan += more.nan, undefined += more.undefined;
+    }
 };
 
 template <class R> __device__ __forceinline__ void store_value(DataType type, std::byte* to, R v, LossCounts& counts) {

@@ -267,8 +267,7 @@ template <class T> struct LinearSample {
     /// What Sample does, apart, lest it takes registers from what nearly all threads do.
     __device__ __forceinline__ void elsewhere(std::int64_t x, std::int64_t y, std::int64_t z,
                                               driver::LossCounts& counts) const {
-        driver::LossCounts const own = counts_elsewhere(x, y, z);
-        counts.clipped += own.clipped, counts.nan += own.nan, counts.undefined += own.undefined;
+        counts += counts_elsewhere(x, y, z);
     }
     __device__ __noinline__ driver::LossCounts counts_elsewhere(std::int64_t x, std::int64_t y, std::int64_t z) const {
         driver::LossCounts own;
@@ -365,8 +364,20 @@ template <class T> struct LinearSample {
     };
 };
 
-/// A thread's voxels of a row, most of them one after the other and then those that want a closer look: what these need
-/// takes no registers from the others.
+/// Of a thread's strips those whose bits are set. A function of its own: what it needs takes no registers from what
+/// most voxels need.
+template <class T>
+__device__ __noinline__ driver::LossCounts strips_left(LinearSample<T> const& sample, std::uint32_t left,
+                                                       std::int64_t x0, std::int64_t y, std::int64_t z) {
+    DeviceSampling const& s = sample.any.s;
+    PositionRow const centre = row_of(s.map, {}, s.first.y + y, s.first.z + z);
+    driver::LossCounts counts;
+    for (; left != 0; left &= left - 1)
+        sample.at_last(centre, x0 + (__ffs(static_cast<int>(left)) - 1) * driver::SlantedBlock::x, y, z, counts);
+    return counts;
+}
+
+/// A thread's voxels of a row, most of them one after the other and then those that want a closer look.
 template <class T>
 __global__ void __launch_bounds__(256, 4)
     linear_kernel(driver::Blocks blocks, Index3 n, __grid_constant__ LinearSample<T> const sample,
@@ -386,8 +397,7 @@ __global__ void __launch_bounds__(256, 4)
             std::int64_t const x = x0 + i * Shape::x;
             if (x < n.x && !sample.among_voxels(centre, x, y, z, counts)) left |= 1U << i;
         }
-        for (; left != 0; left &= left - 1)
-            sample.at_last(centre, x0 + (__ffs(static_cast<int>(left)) - 1) * Shape::x, y, z, counts);
+        if (left != 0) counts += strips_left(sample, left, x0, y, z);
     }
     driver::add_counts(counts, totals);
 }
@@ -400,6 +410,47 @@ template <class T> void launch_linear(Index3 n, LinearSample<T> const& sample, u
 }
 
 constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
+
+/// Of a thread's slices those whose bits are set.
+template <class T>
+__device__ __noinline__ driver::LossCounts slices_left(LinearSample<T> const& sample, StillAxis const& still,
+                                                       std::uint32_t left, std::int64_t x, std::int64_t row,
+                                                       std::int64_t first, std::int64_t end) {
+    using Sampler = LinearSample<T>;
+    DeviceSampling const& s = sample.any.s;
+    bool const by_z = still.axis == 2;
+    PositionRow const centre = by_z ? row_of(s.map, {}, s.first.y + row, s.first.z + first)
+                                    : row_of(s.map, {}, s.first.y + first, s.first.z + row);
+    auto const column = static_cast<double>(s.first.x + x);
+    typename Sampler::Pair const px = Sampler::pair(centre.x, column, s.end_x, s.inner_x, sizeof(T)),
+                                 pw = by_z ? Sampler::pair(centre.y, column, s.end_y, s.inner_y, sample.row)
+                                           : Sampler::pair(centre.z, column, s.end_z, s.inner_z, sample.slice);
+    std::int64_t const along = by_z ? sample.slice : sample.row,
+                       begin = (by_z ? s.first.z : s.first.y) + still.shift, // of the input, at slice 0
+        there = by_z ? s.dims.z : s.dims.y;
+    driver::LossCounts counts;
+    for (; left != 0; left &= left - 1) {
+        std::int64_t const slice = first + __ffs(static_cast<int>(left)) - 1, at = begin + slice;
+        if (slice >= end) break;
+        std::int64_t const y = by_z ? row : slice, z = by_z ? slice : row;
+        if (s.bounded || (px.whole && pw.whole && at >= 0 && at + 1 < there)) {
+            sample(x, y, z, counts);
+            continue;
+        }
+        // Within a voxel of a face, in double; the axis that stays has no fraction.
+        typename Sampler::Found found{0, px.inside && pw.inside && at >= 0 && at < there};
+        if (found.inside) {
+            auto const v = [&](std::int64_t dx, std::int64_t dw) {
+                return static_cast<double>(sample.voxel(at * along + dx + dw));
+            };
+            double const near = between(v(px.first, pw.first), v(px.second, pw.first), px.rest),
+                         next = between(v(px.first, pw.second), v(px.second, pw.second), px.rest);
+            found.value = static_cast<float>(between(near, next, pw.rest));
+        }
+        sample.store_found(found, sample.any.out.at(x, y, z), counts);
+    }
+    return counts;
+}
 
 /// Slices along the axis that stays: a thread looks up its place in the plane once for all of its slices, of which it
 /// needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
@@ -438,7 +489,7 @@ __global__ void __launch_bounds__(256, 3)
         auto const place = [&](std::int64_t slice) { return by_z ? out.at(x, row, slice) : out.at(x, slice, row); };
         if (far)
             for (std::int64_t slice = first; slice < end; ++slice) sample.store_background(place(slice), counts);
-        std::uint32_t left = 0; // slices, of which each may be computed in another way
+        std::uint32_t left = 0; // slices near a face, and with voxels that are not finite
         for (int i = 0; !far && i < plane_slices; i += slices_at_once) {
             std::int64_t const slice = first + i;
             // The last slice is what LinearSample leaves to Sample, however slices are cut.
@@ -473,33 +524,7 @@ __global__ void __launch_bounds__(256, 3)
                 sample.store(place(slice + k), value, counts);
             }
         }
-        if (left != 0) {
-            typename Sampler::Pair const face_x = Sampler::pair(centre.x, column, s.end_x, s.inner_x, sizeof(T)),
-                                         face_w =
-                                             by_z ? Sampler::pair(centre.y, column, s.end_y, s.inner_y, sample.row)
-                                                  : Sampler::pair(centre.z, column, s.end_z, s.inner_z, sample.slice);
-            for (; left != 0; left &= left - 1) {
-                std::int64_t const slice = first + __ffs(static_cast<int>(left)) - 1, at = begin + slice;
-                if (slice >= end) break;
-                if (s.bounded || (inner && at >= 0 && at + 1 < there)) {
-                    sample(x, by_z ? row : slice, by_z ? slice : row, counts);
-                    continue;
-                }
-                // Within a voxel of a face, in double; the axis that stays has no fraction.
-                typename Sampler::Found found{0, face_x.inside && face_w.inside && at >= 0 && at < there};
-                if (found.inside) {
-                    auto const v = [&](std::int64_t dx, std::int64_t dw) {
-                        return static_cast<double>(sample.voxel(at * along + dx + dw));
-                    };
-                    double const near = between(v(face_x.first, face_w.first), v(face_x.second, face_w.first),
-                                                face_x.rest),
-                                 next = between(v(face_x.first, face_w.second), v(face_x.second, face_w.second),
-                                                face_x.rest);
-                    found.value = static_cast<float>(between(near, next, face_w.rest));
-                }
-                sample.store_found(found, place(slice), counts);
-            }
-        }
+        if (left != 0) counts += slices_left(sample, still, left, x, row, first, end);
     }
     driver::add_counts(counts, totals);
 }
