@@ -350,3 +350,22 @@ for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 floa
     [ "$(vkt arith neg --dtype int8 <v.vkt | value)" = -1 ]
     [ "$(vkt arith clamp 2 3 <v.vkt | value)" = 2 ]
 }
+
+@test "what has no value is counted: roots, logarithms and powers" {
+    /usr/bin/python3 -c "
+import numpy as np
+np.array([-4, -1, 0, 1, 4, np.nan, np.inf, 2], 'f4').tofile('v_8x1x1_float32.raw')"
+    vkt arith sqrt v_8x1x1_float32.raw -o s.vkt 2>said
+    grep -q '2 of 8 voxels (25.00 %) undefined: roots of numbers below 0' said
+    fails_with 3 'undefined' vkt arith sqrt v_8x1x1_float32.raw --strict -o t.vkt
+    vkt arith log v_8x1x1_float32.raw -o l.vkt 2>said
+    grep -q '3 of 8 voxels (37.50 %) undefined: logarithms of numbers not above 0' said
+    vkt arith pow v_8x1x1_float32.raw 0.5 -o p.vkt 2>said
+    grep -q '2 of 8 voxels (25.00 %) undefined: powers that no real number is' said
+    vkt arith pow v_8x1x1_float32.raw -1 -o p.vkt --force 2>said
+    grep -q '1 of 8 voxels (12.50 %) undefined' said
+    vkt arith pow v_8x1x1_float32.raw 3 -o q.vkt 2>said
+    [ ! -s said ]
+    vkt arith exp v_8x1x1_float32.raw -o e.vkt 2>said
+    [ ! -s said ]
+}

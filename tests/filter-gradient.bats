@@ -91,3 +91,18 @@ assert got.any() and not (got & ~maximum_filter(bad, 3)).any()"
     fails_with 2 'magnitude, x, y, z' vkt filter gradient v_13x11x7_uint8.raw --component w -o o.vkt
     fails_with 2 'no voxel' vkt filter gradient v_13x11x7_uint8.raw --boundary border:256 -o o.vkt
 }
+
+@test "lengths are those of other magnitudes, to the bit, where squares would overflow or vanish" {
+    vkt make noise --dims 21 14 9 --dtype float64 --low -1 --high 1 --seed 5 -o unit.vkt
+    for type in float32 float64; do
+        scales='-60 -100 100'
+        [ $type = float32 ] || scales='-600 -900 900'
+        vkt convert unit.vkt --dtype $type | vkt filter gradient >want.vkt
+        for k in $scales; do
+            factor=$(/usr/bin/python3 -c "print(repr(2.0 ** $k))") back=$(/usr/bin/python3 -c "print(repr(2.0 ** -$k))")
+            vkt convert unit.vkt --dtype $type | vkt arith mul - "$factor" | vkt filter gradient | vkt arith mul - "$back" >got.vkt
+            vkt diff want.vkt got.vkt
+        done
+    done
+    vkt stats want.vkt | grep -x 'nan  *0'
+}

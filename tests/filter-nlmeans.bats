@@ -148,3 +148,16 @@ assert (run("q_42x40x24_float32.raw", "--noise auto") == v).all()
     vkt filter nlmeans v_13x11x7_uint8.raw --strength 9 -n 2>plan >/dev/null -o x.vkt
     grep -q '11x11x11 patches of 3x3x3' plan
 }
+
+@test "small and large values are those of others times a power of two, to the bit" {
+    vkt make noise --dims 20 11 7 --dtype float32 --low 0 --high 255 --seed 3 -o v.vkt
+    vkt filter nlmeans v.vkt --noise 20 >want.vkt
+    vkt filter nlmeans v.vkt --noise auto >want_auto.vkt
+    for k in -80 -66 60; do
+        factor=$(/usr/bin/python3 -c "print(repr(2.0 ** $k))") back=$(/usr/bin/python3 -c "print(repr(2.0 ** -$k))")
+        noise=$(/usr/bin/python3 -c "print(repr(20 * 2.0 ** $k))")
+        vkt arith mul v.vkt "$factor" >scaled.vkt
+        vkt filter nlmeans scaled.vkt --noise "$noise" | vkt arith mul - "$back" | vkt diff want.vkt -
+        vkt filter nlmeans scaled.vkt --noise auto | vkt arith mul - "$back" | vkt diff want_auto.vkt -
+    done
+}

@@ -14,12 +14,13 @@ for t in '$all_types'.split():
         a = r.normal(size=(7, 11, 13)) * 3 if d.kind == 'f' else r.integers(0 if d.kind == 'u' else -50, 100, (7, 11, 13))
         a.astype(d).tofile(f's{k}_13x11x7_{t}.raw')"
     cat >reference.py <<'EOF'
-import functools, numpy as np
+import functools, numpy as np, scipy.special
 z, y, x = np.meshgrid(np.arange(7.0), np.arange(11.0), np.arange(13.0), indexing="ij")
-names = {n: getattr(np, n) for n in "sin cos tan exp log log10 sqrt abs hypot floor ceil trunc fmod mod sign isnan isinf pi e".split()}
+names = {n: getattr(np, n) for n in "sin cos tan sinh cosh tanh exp exp2 log log2 log10 sqrt cbrt abs hypot floor ceil trunc fmod mod sign isnan isinf isfinite pi e".split()}
 names.update(x=x, y=y, z=z, nx=13, ny=11, nz=7, wx=x, wy=y, wz=z, pow=np.power, round=np.rint, atan2=np.arctan2,
              asin=np.arcsin, acos=np.arccos, atan=np.arctan, clamp=np.clip, select=np.where,
-             step=lambda edge, v: v >= edge, nan=np.nan, inf=np.inf,
+             erf=scipy.special.erf, fract=lambda v: v - np.floor(v), lerp=lambda a, b, t: a + t * (b - a),
+             xor=lambda a, b: (a != 0) ^ (b != 0), step=lambda edge, v: v >= edge, nan=np.nan, inf=np.inf,
              min=lambda *v: functools.reduce(np.minimum, v), max=lambda *v: functools.reduce(np.maximum, v))
 # What Python writes otherwise.
 python = {"v > a and a > b or not v < 3": "(v > a) & (a > b) | ~(v < 3)", "v > a ? b : x > 4 ? y : z": "select(v > a, b, select(x > 4, y, z))",
@@ -49,7 +50,8 @@ expressions=('v * 2 + 1' 'v - a' 'v * a / b' '-v^2 + 2^3^2' '3 - -v - 1' 'v ** 0
     'atan2(v, a)' 'asin(v / 200)' 'acos(v / 200)' 'atan(v)' 'floor(v / 3)' 'ceil(v / 3)' 'round(v / 2)' 'trunc(v / 3)'
     'fmod(v, 7)' 'mod(v, 7)' 'fmod(v, a)' 'mod(v, -2.5)' 'sign(v)' 'step(3, v)' 'select(v > 1, a, b)' 'isnan(v / 0)'
     'isinf(v / 0)' 'x + y * nx + z * nx * ny' 'wx * 2 - wy / wz' 'v == a' 'v != a' 'v >= a' 'v <= 3' 'pi * v + e'
-    '(v + a) * (v + a) + (v + a)' 'abs(-v)' '1e-3 * .5 + 2.E1' '(v != v) == 0 and a')
+    '(v + a) * (v + a) + (v + a)' 'sinh(v / 30)' 'cosh(v / 30)' 'tanh(v / 30)' 'erf(v / 50)' 'exp2(v / 9)' 'log2(abs(v) + 1)' 'cbrt(v)'
+    'fract(v / 3)' 'lerp(v, a, 0.25)' 'xor(v > 3, a > 3)' 'isfinite(v / 0)' 'abs(-v)' '1e-3 * .5 + 2.E1' '(v != v) == 0 and a')
 
 @test "every function and operator agrees with numpy in float64, for every type" {
     for type in $all_types; do

@@ -541,8 +541,11 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
 
 std::vector<Remark> Arithmetic::remarks() const {
     std::vector<Remark> result = store_remarks(counts_, voxels_, choice_.type);
-    if (counts_.undefined > 0)
-        result.push_back({text(share_text(counts_.undefined, voxels_), " divided by zero"), true});
+    char const* const what = op == ArithmeticOp::sqrt  ? " undefined: roots of numbers below 0"
+                             : op == ArithmeticOp::log ? " undefined: logarithms of numbers not above 0"
+                             : op == ArithmeticOp::pow ? " undefined: powers that no real number is"
+                                                       : " divided by zero";
+    if (counts_.undefined > 0) result.push_back({text(share_text(counts_.undefined, voxels_), what), true});
     return result;
 }
 

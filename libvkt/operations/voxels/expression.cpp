@@ -31,6 +31,12 @@ double folded(Op op, double a, double b, double c) {
         return std::log(a);
     case Op::log10:
         return std::log10(a);
+    case Op::log2:
+        return std::log2(a);
+    case Op::exp2:
+        return std::exp2(a);
+    case Op::cbrt:
+        return std::cbrt(a);
     case Op::sin:
         return std::sin(a);
     case Op::cos:
@@ -41,6 +47,14 @@ double folded(Op op, double a, double b, double c) {
         return std::asin(a);
     case Op::acos:
         return std::acos(a);
+    case Op::sinh:
+        return std::sinh(a);
+    case Op::cosh:
+        return std::cosh(a);
+    case Op::tanh:
+        return std::tanh(a);
+    case Op::erf:
+        return std::erf(a);
     case Op::atan:
         return std::atan(a);
     case Op::floor:
@@ -59,6 +73,8 @@ double folded(Op op, double a, double b, double c) {
         return truth(std::isnan(a));
     case Op::isinf:
         return truth(std::isinf(a));
+    case Op::isfinite:
+        return truth(std::isfinite(a));
     case Op::add:
         return a + b;
     case Op::sub:
@@ -255,7 +271,11 @@ constexpr Function functions[] = {
     {"round", Op::round, 1, 1}, {"trunc", Op::trunc, 1, 1},      {"fmod", Op::fmod, 2, 2},
     {"mod", Op::mod, 2, 2},     {"hypot", Op::hypot, 2, 2},      {"sign", Op::sign, 1, 1},
     {"step", Op::le, 2, 2},     {"select", Op::select, 3, 3},    {"where", Op::select, 3, 3},
-    {"isnan", Op::isnan, 1, 1}, {"isinf", Op::isinf, 1, 1},
+    {"isnan", Op::isnan, 1, 1}, {"isinf", Op::isinf, 1, 1},      {"isfinite", Op::isfinite, 1, 1},
+    {"log2", Op::log2, 1, 1},   {"exp2", Op::exp2, 1, 1},        {"cbrt", Op::cbrt, 1, 1},
+    {"sinh", Op::sinh, 1, 1},   {"cosh", Op::cosh, 1, 1},        {"tanh", Op::tanh, 1, 1},
+    {"erf", Op::erf, 1, 1},     {"fract", Op::floor, 1, 1},      {"lerp", Op::mul, 3, 3},
+    {"xor", Op::ne, 2, 2},
 };
 
 struct Constant {
@@ -454,6 +474,16 @@ private:
         if (n < function.least || n > function.most)
             fail(token, text("takes ", function.least, function.most > function.least ? " or more" : "",
                              function.least == 1 ? " argument" : " arguments", ", not ", n));
+        return made(function, in);
+    }
+
+    /// Some functions are made of others.
+    int made(Function const& function, std::array<int, 3> const& in) {
+        if (function.name == "fract") return graph_.make(Op::sub, in[0], graph_.make(Op::floor, in[0]));
+        if (function.name == "xor")
+            return graph_.make(Op::ne, graph_.make(Op::not_, in[0]), graph_.make(Op::not_, in[1]));
+        if (function.name == "lerp")
+            return graph_.make(Op::add, in[0], graph_.make(Op::mul, in[2], graph_.make(Op::sub, in[1], in[0])));
         return graph_.make(function.op, in[0], in[1], in[2]);
     }
 

@@ -30,11 +30,18 @@ enum class Op : std::uint8_t {
     exp,
     log,
     log10,
+    log2,
+    exp2,
+    cbrt,
     sin,
     cos,
     tan,
     asin,
     acos,
+    sinh,
+    cosh,
+    tanh,
+    erf,
     atan,
     floor,
     ceil,
@@ -44,6 +51,7 @@ enum class Op : std::uint8_t {
     not_,
     isnan,
     isinf,
+    isfinite,
     add,
     sub,
     mul,
@@ -69,7 +77,7 @@ inline bool is_position(Op op) { return op >= Op::x && op <= Op::z; }
 inline bool is_extent(Op op) { return op >= Op::nx && op <= Op::nz; }
 inline bool is_world(Op op) { return op >= Op::wx && op <= Op::wz; }
 /// Yields 0 or 1.
-inline bool is_predicate(Op op) { return (op >= Op::not_ && op <= Op::isinf) || (op >= Op::lt && op <= Op::or_); }
+inline bool is_predicate(Op op) { return (op >= Op::not_ && op <= Op::isfinite) || (op >= Op::lt && op <= Op::or_); }
 /// Number of values that it takes.
 inline int operands_of(Op op) { return op < Op::neg ? 0 : op < Op::add ? 1 : op < Op::select ? 2 : 3; }
 

@@ -74,21 +74,23 @@ std::vector<Values> Transform::values(Place const& place, Expression const& pars
 }
 
 Texts Transform::texts() const {
-    return {"Compute an expression for every voxel.",
-            "The expression names voxels of the inputs (v, then a, b, c, d, f, g, h), neighbours of them (v[-1,0,0]), "
-            "positions (x y z, extents nx ny nz, in the world wx wy wz), pi, e, nan, inf, + - * / ^, comparisons, "
-            "and or not, C ? A : B, and abs min max clamp sqrt exp log log10 pow sin cos tan asin acos atan atan2 "
-            "floor ceil round trunc fmod mod hypot sign step select isnan isinf. Values are physical. What is clipped, "
-            "undefined or not a number is counted and reported."
-            "\n\n"
-            "Accuracy: Whole numbers below 2^53 are exact; other expressions are computed step by step, functions to 4 "
-            "units in the last place of double precision, and what that makes of values that cancel is not bounded.",
-            {{"Scale and shift", "vkt transform 'v * 2 + 1' volume.nrrd | vkt stats"},
-             {"A difference along x",
-              "vkt transform '(v[1,0,0] - v[-1,0,0]) / 2' volume.nrrd --boundary clamp | vkt stats"},
-             {"Keep a ball", "vkt transform 'hypot(hypot(x-32, y-32), z-32) < 20 ? v : 0' volume.nrrd -o ball.nrrd"},
-             {"Two volumes", "vkt filter gaussian volume.nrrd --sigma 2 | vkt transform 'a > v ? a : 0' - volume.nrrd "
-                             "| vkt stats"}}};
+    return {
+        "Compute an expression for every voxel.",
+        "The expression names voxels of the inputs (v, then a, b, c, d, f, g, h), neighbours of them (v[-1,0,0]), "
+        "positions (x y z, extents nx ny nz, in the world wx wy wz), pi, e, nan, inf, + - * / ^, comparisons, "
+        "and or not, C ? A : B, and abs min max clamp sqrt cbrt exp exp2 log log2 log10 pow sin cos tan asin acos atan "
+        "atan2 sinh cosh tanh erf floor ceil round trunc fract fmod mod hypot sign step select lerp xor isnan isinf "
+        "isfinite. Values are physical. What is clipped, "
+        "undefined or not a number is counted and reported."
+        "\n\n"
+        "Accuracy: Whole numbers below 2^53 are exact; other expressions are computed step by step, functions to 4 "
+        "units in the last place of double precision, and what that makes of values that cancel is not bounded.",
+        {{"Scale and shift", "vkt transform 'v * 2 + 1' volume.nrrd | vkt stats"},
+         {"A difference along x",
+          "vkt transform '(v[1,0,0] - v[-1,0,0]) / 2' volume.nrrd --boundary clamp | vkt stats"},
+         {"Keep a ball", "vkt transform 'hypot(hypot(x-32, y-32), z-32) < 20 ? v : 0' volume.nrrd -o ball.nrrd"},
+         {"Two volumes", "vkt filter gaussian volume.nrrd --sigma 2 | vkt transform 'a > v ? a : 0' - volume.nrrd "
+                         "| vkt stats"}}};
 }
 
 void Transform::parameters(Parameters& parameters) {

@@ -171,19 +171,35 @@ private:
                 before = term.part;
             }
             C* const result = parts_.data();
-            if (sum_.parts > 1) {
-                for (std::int64_t x = 0; x < n.x; ++x) result[x] *= result[x];
-                for (int part = 1; part < sum_.parts; ++part) {
-                    C const* const other = result + part * pitch_;
-                    for (std::int64_t x = 0; x < n.x; ++x) result[x] = madd(other[x], other[x], result[x]);
-                }
-                for (std::int64_t x = 0; x < n.x; ++x) result[x] = std::sqrt(result[x]);
-            }
+            if (sum_.parts > 1) take_length(n.x);
             if (sum_.offset != 0)
                 for (std::int64_t x = 0; x < n.x; ++x) result[x] += static_cast<C>(sum_.offset);
             losses +=
                 store_row(out_.type, static_cast<C const*>(result), out_.at(tile_.lower.x, tile_.lower.y + j, z), n.x);
         }
+    }
+
+    /// Of the parts of a row, into the first.
+    void take_length(std::int64_t n) {
+        C* const result = parts_.data();
+        C* const scale = result + sum_.parts * pitch_; // no sum is unweighted any more
+        for (std::int64_t x = 0; x < n; ++x) scale[x] = std::abs(result[x]);
+        for (int part = 1; part < sum_.parts; ++part) {
+            C const* const other = result + part * pitch_;
+            for (std::int64_t x = 0; x < n; ++x) {
+                C const size = std::abs(other[x]);
+                scale[x] = size > scale[x] ? size : scale[x];
+            }
+        }
+        for (std::int64_t x = 0; x < n; ++x) {
+            scale[x] = scale_for_squares(scale[x]);
+            result[x] = result[x] * scale[x] * (result[x] * scale[x]);
+        }
+        for (int part = 1; part < sum_.parts; ++part) {
+            C const* const other = result + part * pitch_;
+            for (std::int64_t x = 0; x < n; ++x) result[x] = madd(other[x] * scale[x], other[x] * scale[x], result[x]);
+        }
+        for (std::int64_t x = 0; x < n; ++x) result[x] = std::sqrt(result[x]) / scale[x];
     }
 
     ConstView in_;

@@ -114,6 +114,18 @@ template <class C, class In> struct AxisPass {
 
 constexpr int most_parts = 6;
 
+/// The root of the sum of squares.
+template <class C, int N> __device__ __forceinline__ C length_of(C const (&part)[N]) {
+    C most = abs(part[0]);
+#pragma unroll
+    for (int i = 1; i < N; ++i) most = abs(part[i]) > most ? abs(part[i]) : most;
+    C const scale = scale_for_squares(most);
+    C sum = part[0] * scale * (part[0] * scale);
+#pragma unroll
+    for (int i = 1; i < N; ++i) sum = madd(part[i] * scale, part[i] * scale, sum);
+    return sqrt(sum) / scale;
+}
+
 /// What is made of the parts of a sum.
 template <class C> struct Finish {
     C const* part[most_parts];
@@ -127,11 +139,10 @@ template <class C> struct Finish {
         std::int64_t const i = x + y * row + z * slice;
         C result = part[0][i];
         if (parts > 1) {
-            result *= result;
+            C value[most_parts];
 #pragma unroll
-            for (int p = 1; p < most_parts; ++p)
-                if (p < parts) result = madd(part[p][i], part[p][i], result);
-            result = sqrt(result);
+            for (int p = 0; p < most_parts; ++p) value[p] = p < parts ? part[p][i] : C(0);
+            result = length_of(value);
         }
         if (offset != 0) result += offset;
         driver::store_value(out.type, out.at(x, y, z), result, counts);
@@ -281,11 +292,8 @@ __global__ void __launch_bounds__(near_x* near_y)
             }
             C result = part[0];
             if (sum.parts > 1) {
-                result *= result;
-#pragma unroll
-                for (int i = 1; i < most_taps; ++i)
-                    if (i < sum.parts) result = madd(part[i], part[i], result);
-                result = sqrt(result);
+                // Those that do not belong to the sum are 0.
+                result = length_of(part);
             }
             if (sum.offset != 0) result += sum.offset;
             driver::store_value(out.type, out.at(x, y, made), result, counts);

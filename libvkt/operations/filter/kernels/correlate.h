@@ -51,6 +51,18 @@ struct SeparableSum {
     std::size_t bytes() const;
 };
 
+namespace VKT_BACKEND {
+
+/// A power of two by which values may be multiplied before they are squared, `most` being the largest of their
+/// magnitudes: neither do sums of squares overflow then, nor is what has a share in them lost below the normal numbers.
+template <class C> VKT_HD C scale_for_squares(C most) {
+    constexpr bool single = sizeof(C) == 4;
+    constexpr C large = single ? C(0x1p40) : C(0x1p300), factor = single ? C(0x1p100) : C(0x1p700);
+    return most > large ? 1 / factor : most < 1 / large ? factor : C(1);
+}
+
+} // namespace VKT_BACKEND
+
 /// One tap of a dense kernel.
 struct Tap {
     Index3 at; ///< offset from the middle

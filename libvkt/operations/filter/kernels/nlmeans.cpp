@@ -32,9 +32,9 @@ public:
         changes_.resize(voxels);
         weights_.resize(voxels);
         most_.resize(voxels);
-        NlMeansFactors const factors = factors_of(rule);
-        scale_ = static_cast<C>(factors.scale);
-        free_ = static_cast<C>(factors.free);
+        NlMeansFactors<C> const factors = factors_of<C>(rule);
+        scale_ = factors.scale;
+        free_ = factors.free;
     }
 
     Losses run(Box const& tile) {

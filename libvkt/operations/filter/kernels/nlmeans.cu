@@ -57,12 +57,11 @@ private:
 
 void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& losses, Execution const& execution) {
     with_compute_type(in.type, [&]<class C>(C) {
-        NlMeansFactors const factors = factors_of(rule);
+        NlMeansFactors<C> const factors = factors_of<C>(rule);
         auto const reach = [](std::int64_t r) { return static_cast<int>(r); };
         stencil<C>(execution, out, losses, rule.patch + rule.search,
                    NlMeansAt<C>{reach(rule.patch.x), reach(rule.patch.y), reach(rule.patch.z), reach(rule.search.x),
-                                reach(rule.search.y), reach(rule.search.z), static_cast<C>(factors.scale),
-                                static_cast<C>(factors.free)},
+                                reach(rule.search.y), reach(rule.search.z), factors.scale, factors.free},
                    in);
     });
 }

@@ -18,16 +18,16 @@ struct NlMeansRule {
 
 /// Differences are scaled before they are squared, so that their sum over a patch, less `free`, is the exponent of 2
 /// that they cost.
-struct NlMeansFactors {
-    double scale, free;
-};
-inline NlMeansFactors factors_of(NlMeansRule const& rule) {
+template <class C> struct NlMeansFactors { C scale, free; };
+template <class C> NlMeansFactors<C> factors_of(NlMeansRule const& rule) {
     Index3 const p = rule.patch;
     auto const count = static_cast<double>((2 * p.x + 1) * (2 * p.y + 1) * (2 * p.z + 1));
     constexpr double per_exponent = 0.693147180559945309;
     double const scale = 1 / (rule.strength * std::sqrt(count * per_exponent)), ratio = rule.noise / rule.strength,
                  free = 2 * ratio * ratio / per_exponent;
-    return {scale < 1e18 ? scale : 1e18, free < 1e30 ? free : 1e30};
+    // Finite: what is beyond has no weight, and no difference costs nothing.
+    constexpr double most = sizeof(C) == 4 ? 1e38 : 1e300, most_free = 1e30;
+    return {static_cast<C>(scale < most ? scale : most), static_cast<C>(free < most_free ? free : most_free)};
 }
 
 /// out(p) = in(p) + sum of w (in(q) - in(p)) / sum of w over the search box around p, with

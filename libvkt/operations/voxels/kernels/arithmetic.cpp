@@ -38,7 +38,7 @@ template <class C> struct Operands {
     int first, second, third; ///< which volume, -1 for a number
     C a, b, c;                ///< the numbers
     Line<C> map_a, map_b, result;
-    bool counts_zeros;
+    bool counts_zeros, counts_undefined;
     C lowest, highest;
 
     template <ArithmeticOp o> VKT_HD C combined(C u, C v) const {
@@ -103,10 +103,12 @@ template <class C> struct Operands {
         }
     }
 
-    VKT_HD bool undefined(C v0) const { return counts_zeros && (second == 0 ? v0 : b) == C(0); }
-    VKT_HD bool undefined(C, C v1) const { return counts_zeros && v1 == C(0); }
+    VKT_HD bool undefined(C v0) const { return has_no_value(first == 0 ? v0 : a, second == 0 ? v0 : b); }
+    VKT_HD bool undefined(C v0, C v1) const {
+        return has_no_value(first == 0 ? v0 : a, second < 0 ? b : second == 0 ? v0 : v1);
+    }
     VKT_HD bool undefined(C, C, C) const { return false; }
-    VKT_HD bool may_be_undefined() const { return counts_zeros; }
+    VKT_HD bool may_be_undefined() const { return counts_undefined; }
 
     // A row at a time, of numbers too; one loop after the other, so that there are not as many as combinations of them.
     template <class... In> void row(std::int64_t n, C* out, In const*... in) const {
@@ -127,6 +129,16 @@ template <class C> struct Operands {
     }
 
 private:
+    VKT_HD bool has_no_value(C u, C v) const {
+        if (!counts_undefined) return false;
+        C const p = map_a.of(u), q = map_b.of(v);
+        if (op == ArithmeticOp::sqrt) return p < C(0);
+        if (op == ArithmeticOp::log) return p <= C(0);
+        if constexpr (std::is_floating_point_v<C>)
+            if (op == ArithmeticOp::pow)
+                return (p < C(0) && q - q == C(0) && q != std::floor(q)) || (p == C(0) && q < C(0));
+        return counts_zeros && q == C(0);
+    }
     template <int inputs, int N> static VKT_HD C operand(C const (&in)[inputs][N], int volume, C number, int n) {
         C value = number;
         for (int i = 0; i < inputs; ++i) value = volume == i ? in[i][n] : value;
@@ -182,6 +194,7 @@ void run(ArithmeticTask const& task, std::span<ConstView const> in, AnyView out,
                         Line<C>::from(task.map[1]),
                         Line<C>::from(task.result),
                         task.counts_zeros,
+                        task.counts_zeros || has_poles(task.op),
                         static_cast<C>(task.lowest),
                         static_cast<C>(task.highest)};
     if (in.size() == 1) return map<C>(execution, out, losses, f, in[0]);

@@ -77,6 +77,10 @@ template <ArithmeticOp op, class C> struct Combined {
     }
 };
 
+/// Operations that have no value for some numbers.
+VKT_HD bool has_poles(ArithmeticOp op) {
+    return op == ArithmeticOp::pow || op == ArithmeticOp::sqrt || op == ArithmeticOp::log;
+}
 /// Operations of a few instructions.
 VKT_HD bool is_short(ArithmeticOp op) {
     return op != ArithmeticOp::pow && op != ArithmeticOp::exp && op != ArithmeticOp::log;

@@ -38,6 +38,12 @@ template <class C, class Use> VKT_HD void with_one(Op op, Use&& use) {
         return use([](C u) { return logarithm_of(static_cast<double>(u)); });
     case Op::log10:
         return use([](C u) { return std::log10(static_cast<double>(u)); });
+    case Op::log2:
+        return use([](C u) { return std::log2(static_cast<double>(u)); });
+    case Op::exp2:
+        return use([](C u) { return std::exp2(static_cast<double>(u)); });
+    case Op::cbrt:
+        return use([](C u) { return std::cbrt(static_cast<double>(u)); });
     case Op::sin:
         return use([](C u) {
             return std::fabs(u) < C(most_angle) ? sine_of(static_cast<double>(u), 0) : std::sin(static_cast<double>(u));
@@ -54,6 +60,14 @@ template <class C, class Use> VKT_HD void with_one(Op op, Use&& use) {
         return use([](C u) { return std::asin(static_cast<double>(u)); });
     case Op::acos:
         return use([](C u) { return std::acos(static_cast<double>(u)); });
+    case Op::sinh:
+        return use([](C u) { return std::sinh(static_cast<double>(u)); });
+    case Op::cosh:
+        return use([](C u) { return std::cosh(static_cast<double>(u)); });
+    case Op::tanh:
+        return use([](C u) { return std::tanh(static_cast<double>(u)); });
+    case Op::erf:
+        return use([](C u) { return std::erf(static_cast<double>(u)); });
     case Op::atan:
         return use([](C u) { return std::atan(static_cast<double>(u)); });
     case Op::floor:
@@ -72,6 +86,8 @@ template <class C, class Use> VKT_HD void with_one(Op op, Use&& use) {
         return use([](C u) { return u != u ? C(1) : C(0); }); // NOLINT(misc-redundant-expression): NaN
     case Op::isinf:
         return use([](C u) { return std::fabs(u) > std::numeric_limits<C>::max() ? C(1) : C(0); });
+    case Op::isfinite:
+        return use([](C u) { return std::fabs(u) <= std::numeric_limits<C>::max() ? C(1) : C(0); });
     default: // a value as it is
         return use([](C u) { return u; });
     }
