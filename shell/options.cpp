@@ -161,6 +161,8 @@ struct Line {
                     text("three numbers are written with commas: ", triple));
     bool const writes =
         std::any_of(lists.begin(), lists.end(), [](Parameters* list) { return list->find("output") != nullptr; });
+    if (word.starts_with('-') && word.size() > 1)
+        throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"), "options stand before --");
     throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"),
                 writes ? text("an output is said as -o ", word, ", a value with spaces in quotes")
                        : "a value with spaces stands in quotes");

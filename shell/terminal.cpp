@@ -17,6 +17,7 @@ namespace vkt::shell {
 namespace {
 
 constexpr std::chrono::milliseconds before_first{500}, between{100};
+constexpr std::size_t narrow_column = 20, narrow_indent = 6; ///< characters
 
 class Progress : public SourceDecorator {
 public:
@@ -85,13 +86,18 @@ std::string wrapped(std::string const& text, std::size_t width) {
         std::size_t const second = gap == std::string::npos ? gap : line.find_first_not_of(' ', gap);
         bool const deep = first != std::string::npos && first > 8; // the second column alone
         bool const prose = first == 0, columns = deep || (!prose && second != std::string::npos);
-        std::size_t const indent = deep ? first : columns ? second : 0;
-        while ((prose || columns) && line.size() > width && width > indent + 20) {
+        std::size_t indent = deep ? first : columns ? second : 0;
+        if (indent + narrow_column >= width) { // no room beside the first column: the second goes on below it
+            indent = std::min(indent, narrow_indent);
+            if (deep) line.replace(0, first, indent, ' ');
+        }
+        while ((prose || columns) && line.size() > width) {
             std::size_t space = line.rfind(' ', width);
             if (space == std::string::npos || space <= indent) space = line.find(' ', indent + 1); // a long word
-            if (space == std::string::npos) break;
+            std::size_t const rest = line.find_first_not_of(' ', space);
+            if (space == std::string::npos || rest == std::string::npos) break;
             result += line.substr(0, line.find_last_not_of(' ', space) + 1) + "\n";
-            line = std::string(indent, ' ') + line.substr(space + 1);
+            line = std::string(indent, ' ') + line.substr(rest);
         }
         result += line + "\n";
     }
@@ -101,7 +107,7 @@ std::string wrapped(std::string const& text, std::size_t width) {
 
 void print_text(std::string const& text) {
     winsize size{};
-    bool const known = output_is_terminal() && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 40;
+    bool const known = output_is_terminal() && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col >= 20;
     std::fputs(known ? wrapped(text, size.ws_col).c_str() : text.c_str(), stdout);
 }
 

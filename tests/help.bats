@@ -52,9 +52,11 @@ load helper
 @test "common options are listed" { vkt help --common | grep -q -- '--transport'; }
 
 @test "help is wrapped to the terminal, its commands are not" {
-    script -qec 'stty cols 70; vkt render --help' /dev/null </dev/null | tr -d '\r' >out
-    # A word may be longer than a line.
-    [ "$(grep -v '^  vkt\|^  #' out | awk 'length($0) > 70' | sed 's/^ *//' | grep -c ' ' || true)" -eq 0 ]
+    for columns in 30 44 50 70; do
+        script -qec "stty cols $columns; vkt render --help" /dev/null </dev/null | tr -d '\r' >out
+        # A word may be longer than a line.
+        [ "$(grep -v '^  vkt\|^  #' out | awk -v most=$columns 'length($0) > most' | sed 's/^ *//' | grep -c ' ' || true)" -eq 0 ]
+    done
     grep -q '^  vkt render volume.nrrd --render-algo multi-scattering --spp 16 --size 256 -o picture.png$' out
     # Elsewhere lines are as long as they are.
     vkt render --help | awk 'length($0) > 100' | grep -q .

@@ -122,6 +122,19 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     vkt flip x v.nrrd | vkt diff - w.nrrd
     vkt info -- v.nrrd | grep -q 'dims *4 4 4'
     fails_with 2 "unexpected argument '--roi'" vkt flip x v.nrrd -- --roi
+    fails_with 2 "options stand before --" vkt flip x -- v.nrrd -o z.nrrd
+}
+
+@test "words of other tools, pictures and packed files are told what to do" {
+    fails_with 2 "did you mean '--dims'" vkt resample --size 4,4,4 v.nrrd -o x.nrrd
+    fails_with 2 "pictures are written as .png" vkt flip x v.nrrd -o hd.jpg
+    for pair in hist:histogram isosurface:mesh export:write import:read cp:copy; do
+        fails_with 2 "did you mean 'vkt ${pair#*:}'" vkt "${pair%:*}" v.nrrd
+    done
+    head -c 5000 /dev/zero | tr '\0' '\377' | gzip >r.gz
+    fails_with 3 "'r.gz', unpacked, has no format" vkt info r.gz
+    zip -q r.zip v.nrrd || /usr/bin/python3 -m zipfile -c r.zip v.nrrd
+    fails_with 3 "unpack it" vkt info r.zip
 }
 
 @test "an argument too many is told where outputs and spaces go" {

@@ -315,6 +315,8 @@ constexpr std::pair<std::string_view, std::string_view> elsewhere[] = {
     {"grid-wrap", "wrap"},
     {"constant", "border"},
     {"zero", "border"},
+    {"--size", "--dims"},
+    {"--shape", "--dims"},
     {"plus", "add"},
     {"+", "add"},
     {"minus", "sub"},

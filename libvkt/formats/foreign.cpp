@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 namespace vkt {
@@ -135,6 +136,12 @@ ForeignName foreign_name(std::string const& path) {
     auto const found =
         std::find_if(std::begin(endings), std::end(endings), [&](Ending const& e) { return name.ends_with(e.end); });
     return found == std::end(endings) ? ForeignName{} : found->name;
+}
+
+bool names_foreign_picture(std::string const& path) {
+    std::string const lower = lower_case(path);
+    return std::ranges::any_of(std::array{".jpg", ".jpeg", ".gif", ".bmp", ".webp", ".svg"},
+                               [&](char const* suffix) { return lower.ends_with(suffix); });
 }
 
 } // namespace vkt

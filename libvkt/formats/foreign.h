@@ -19,4 +19,7 @@ struct ForeignName {
 };
 ForeignName foreign_name(std::string const& path);
 
+/// The name of a picture in a format that vkt does not write: "scan.jpg".
+bool names_foreign_picture(std::string const& path);
+
 } // namespace vkt

@@ -185,12 +185,14 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", foreign, ", a format that vkt does not read"),
                     std::string(how));
     std::string what = foreign_format(unpacked);
-    what = what.empty() ? foreign_format(head) : text(what, ", compressed as a whole");
+    bool const packed = wrapper_of(head) != Wrapper::none;
+    what = !what.empty() ? text(what, ", compressed as a whole") : packed ? what : foreign_format(head);
     if (!what.empty())
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what, ", a format that vkt does not read"),
-                    "other tools turn it into NRRD or MetaImage, which vkt reads");
+                    what.ends_with("archive") ? "unpack it: what is in it may be what vkt reads"
+                                              : "other tools turn it into NRRD or MetaImage, which vkt reads");
     throw Error(
-        ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
+        ErrorKind::data, text("'", bytes.name(), packed ? "', unpacked," : "'", " has no format that vkt knows"),
         text("if it is bare voxels, say ", raw_description(bytes.name(), options, "--dims X Y Z --dtype TYPE")));
 }
 
@@ -287,7 +289,8 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
     }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
-                    text("say --format, or use one of ", writable_extensions()));
+                    names_foreign_picture(path) ? std::string("pictures are written as .png, .pgm, .pfm and .exr")
+                                                : text("say --format, or use one of ", writable_extensions()));
     if (is_segment(path) && format->name != "shm")
         throw Error(ErrorKind::usage, text("--format ", format->name, ": '", path, "' is shared memory and no file"),
                     text("a file of that name is ./", path));

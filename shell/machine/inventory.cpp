@@ -111,6 +111,17 @@ std::vector<InventoryLine> machine_inventory() {
     return lines;
 }
 
+namespace {
+
+/// The beginning of a plan's method, up to its last whole word.
+std::string shown(std::string const& method) {
+    std::string const radius = ", radius ";
+    std::string const words = method.ends_with(radius) ? method.substr(0, method.size() - radius.size()) : method;
+    return words.substr(0, words.find_last_not_of(", ") + 1);
+}
+
+} // namespace
+
 std::vector<InventoryLine> speed_inventory(Calibration const& c) {
     std::vector<InventoryLine> lines;
     auto const both = [&](ByThreads const& rate) {
@@ -125,8 +136,8 @@ std::vector<InventoryLine> speed_inventory(Calibration const& c) {
         std::string const cost =
             rate.cost > 0 ? text(", ", short_number(rate.cost), " multiply-adds a voxel") : std::string();
         lines.push_back({text(rate.operation, rate.bytes == 2 ? " uint16" : " float32"),
-                         text(short_number(1e9 * rate.seconds[0]), " ns a voxel, ", c.threads,
-                              " threads: ", short_number(1e9 * rate.seconds[1]), " ns (", rate.method, cost, ")")});
+                         text(short_number(1e9 * rate.seconds[0]), " ns a voxel, ", c.threads, " threads: ",
+                              short_number(1e9 * rate.seconds[1]), " ns (", shown(rate.method), cost, ")")});
     }
     return lines;
 }
