@@ -52,7 +52,7 @@ load helper
 @test "common options are listed" { vkt help --common | grep -q -- '--transport'; }
 
 @test "help is wrapped to the terminal, its commands are not" {
-    for columns in 30 44 50 70; do
+    for columns in 40 44 50 70; do
         script -qec "stty cols $columns; vkt render --help" /dev/null </dev/null | tr -d '\r' >out
         # A word may be longer than a line.
         [ "$(grep -v '^  vkt\|^  #' out | awk -v most=$columns 'length($0) > most' | sed 's/^ *//' | grep -c ' ' || true)" -eq 0 ]
