@@ -202,7 +202,7 @@ Plan Refine::plan(std::span<Header const> inputs) const {
                        " cells a side, at most ", levels, " levels, ", enum_name(method),
                        tolerance.noise ? ", as exact as the noise" : "",
                        metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
-    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.kind = tolerance.noise ? ErrorBound::Kind::unknown : ErrorBound::Kind::bound; // until it is scanned
     plan.error.absolute = tolerance.value;
     if (metric == RefineMetric::gradient) plan.error.quantity = "gradients";
     if (metric == RefineMetric::transfer) plan.error.quantity = "display levels";
@@ -315,6 +315,10 @@ std::optional<Volume> Refine::take_whole(Volume input, Execution const& executio
 }
 
 void Refine::after_scan(Plan& plan) const {
+    if (tolerance.noise) {
+        plan.error.kind = ErrorBound::Kind::bound;
+        plan.error.absolute = error_;
+    }
     if (metric != RefineMetric::value) return;
     plan.passing = ErrorPassing::averaged(1, values_of(input_));
     plan.error.absolute = error_;
