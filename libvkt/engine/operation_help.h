@@ -7,7 +7,7 @@
 
 namespace vkt {
 
-/// One object: "name"; "summary", "description", "accuracy", the paragraph of the description that begins with that
+/// One object: "name"; "alias_of", the operation that the name is another one of, or ""; "summary", "description", "accuracy", the paragraph of the description that begins with that
 /// word, and "examples" (objects of "what" and "line"); "result", which is "volume" or "report"; "inputs", how many
 /// volumes come before all arguments, 0 where arguments name them; "parameters" and "execution", which are lists of
 /// objects: "name", "aliases", "value" (a placeholder), "help", "kind" (flag, choice, type, integer, number, vector,

@@ -308,7 +308,7 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     """The volume of a file of any format that vkt knows, or of a segment of shared memory, "shm:NAME", which is mapped
     and not copied. Options are those of `vkt read`: dims, dtype, skip, endian, spacing, format, variable, roi,
     personal, and trust_paths=True for headers that may name files anywhere; and index, counted from 0, for a file that
-    holds several volumes. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
+    holds several volumes, which read_series() reads all. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
     handle = ctypes.c_void_p()
     check(library.vkt_read(os.fsencode(path), *words_of(option_words(options)), ctypes.byref(handle)))
     return Volume._of(handle)
