@@ -25,7 +25,8 @@ def annotation(value):
     if value is inspect.Parameter.empty:
         return None
     text = value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
-    text = text.replace("numpy.ndarray", "np.ndarray").replace("vkt.Volume", "Volume")
+    text = re.sub(r"\bvkt\.(?=[A-Z])", "", text.replace("numpy.ndarray", "np.ndarray"))
+    text = re.sub(r"(?<![\w.])slice\b", "builtins.slice", text)  # slice() is an operation
     return text.replace("np.ndarray", "Array").replace("numpy.dtype", "np.dtype[Any]")
 
 
@@ -126,9 +127,9 @@ def stubs():
     aliases = ("Array = np.ndarray[Any, np.dtype[Any]]\n"
                "Numbers = Sequence[SupportsFloat] | Array\nIntegers = Sequence[SupportsIndex] | Array\n"
                "Value = str | SupportsFloat | Numbers | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
-               "Region = str | Sequence[slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
+               "Region = str | Sequence[builtins.slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
                "__version__: str\n")
-    files["__init__.pyi"] = (HEAD + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
+    files["__init__.pyi"] = (HEAD + "import builtins\n" + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
                              "\n".join(classes) + "\n" + "\n".join(stub(getattr(vkt, name)) for name in functions) + "\n")
     return files
 
