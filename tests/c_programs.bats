@@ -111,6 +111,10 @@ data = bytearray(open('b.vkt', 'rb').read()); data[len(data) // 2] ^= 4; open('d
     vkt diff written.vkt written.nrrd
 }
 
+@test "calls of several passes tell evenly how far they are, in ten steps and more" {
+    calls even
+}
+
 @test "calls that are ended leave nothing behind, and end soon" {
     vkt make noise --dims 90 80 70 --dtype uint16 -o noise.nii.gz
     mkdir spool
