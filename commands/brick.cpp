@@ -14,10 +14,7 @@ class Brick : public Opener {
 public:
     void parameters(Parameters& p) override {
         p.positional("in", path_, "input: a file of any known format, a stream, or '-' (the default)").optional();
-        p.option("size", options_.size, "N|X,Y,Z", "voxels of a brick, the last ones may have fewer (64)");
-        p.option("ghost", options_.ghost, "N|X,Y,Z", "voxels that a brick has of its neighbours, on every side (0)");
-        p.option("boundary", options_.boundary, "RULE",
-                 "ghosts also outside of the volume: mirror, clamp, wrap or border[:VALUE]; without it they end there");
+        options_.declare(p);
     }
     bool reads() const override { return true; }
     std::vector<std::string> input_names() const override { return {path_.empty() ? "-" : path_}; }

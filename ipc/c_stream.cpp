@@ -1,6 +1,7 @@
 // Streams of the C API: volumes one after another over descriptors of the program.
 // SPDX-License-Identifier: MIT
 #include "ipc/c_call.h"
+#include "ipc/c_calling.h"
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 #include "libvkt/c/call.h"
@@ -10,16 +11,13 @@
 #include "libvkt/core/text.h"
 #include "libvkt/io/byte_source.h"
 
-#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
 #include <memory>
-#include <optional>
 #include <string>
-#include <thread>
 #include <unistd.h>
 #include <utility>
 
@@ -76,27 +74,6 @@ private:
     bool pending_ = false;
 };
 
-/// The first failure of a stream, which every later call repeats: what follows in it means nothing.
-class Failure {
-public:
-    template <class F> void guard(F const& body) {
-        if (failed_) throw Error(failed_->kind(), text("the stream failed before: ", failed_->what()), failed_->hint());
-        try {
-            body();
-        } catch (Error const& e) {
-            failed_ = e;
-            throw;
-        } catch (...) {
-            failed_ = Error(ErrorKind::io, "it broke off");
-            throw;
-        }
-    }
-    explicit operator bool() const { return failed_.has_value(); }
-
-private:
-    std::optional<Error> failed_;
-};
-
 ipc::Transport transport_of(std::string const& asked, char const* what) {
     if (asked.empty() || asked == "pipe") return ipc::Transport::pipe;
     if (asked == "shm") return ipc::Transport::shm;
@@ -107,10 +84,8 @@ ipc::Transport transport_of(std::string const& asked, char const* what) {
 } // namespace
 
 struct vkt_stream_reader {
-    /// Who waits for bytes in a call; the thread that reads ahead is nobody's.
-    std::atomic<std::thread::id> caller{};
-    ProgressMonitor* monitor = nullptr;
-    Failure failure{};
+    ipc::Caller caller{}; ///< who waits for bytes
+    ipc::Failure failure{"the stream"};
     std::unique_ptr<ipc::StreamSource> source{};
 };
 
@@ -125,40 +100,15 @@ struct vkt_stream_writer {
         if (own >= 0) ::close(std::exchange(own, -1));
     }
 
-    /// Who waits for room in a call; the thread that writes is nobody's.
-    std::atomic<std::thread::id> caller{};
-    ProgressMonitor* monitor = nullptr;
-    int own = -1; ///< of a pipe: a writing end that does not block
+    ipc::Caller caller{}; ///< who waits for room
+    int own = -1;         ///< of a pipe: a writing end that does not block
     std::unique_ptr<ipc::StreamSink> sink{};
     bool pipe = false, closed = false;
-    Failure failure{};
+    ipc::Failure failure{"the stream"};
     std::string notice{};
 };
 
 namespace {
-
-/// Names the caller of a reader or writer for as long as its call lasts.
-template <class Stream> class Calling {
-public:
-    Calling(Stream& stream, ProgressMonitor* monitor) : stream_(stream) {
-        stream_.monitor = monitor;
-        stream_.caller = std::this_thread::get_id();
-    }
-    ~Calling() { stream_.caller = std::thread::id(); }
-    Calling(Calling const&) = delete;
-    Calling& operator=(Calling const&) = delete;
-
-private:
-    Stream& stream_;
-};
-
-/// For StreamOptions::waiting: who called may end the call.
-template <class Stream> std::function<void()> ended_by_caller(Stream* stream) {
-    return [stream] {
-        if (stream->caller.load() == std::this_thread::get_id() && stream->monitor != nullptr)
-            stream->monitor->poll(0, 1);
-    };
-}
 
 void tell_reader(vkt_stream_writer& writer, std::string const& message) {
     if (writer.pipe || writer.sink->traffic().bytes > 0) writer.sink->fail(program_invocation_short_name, message);
@@ -173,7 +123,7 @@ vkt_status vkt_stream_open(int descriptor, vkt_stream_reader** reader) {
         auto result = std::make_unique<vkt_stream_reader>();
         ipc::StreamOptions options;
         options.stage = program_invocation_short_name;
-        options.waiting = ended_by_caller(result.get());
+        options.waiting = ipc::ended_by(result->caller);
         auto bytes = std::make_unique<ByteSource>(duplicate(descriptor), text("descriptor ", descriptor));
         result->source = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
         *reader = result.release();
@@ -184,7 +134,7 @@ vkt_status vkt_stream_next(vkt_stream_reader* reader, vkt_volume** volume) {
     return ipc::guarded([&](Call& call) {
         need(reader, "reader");
         need(volume, "volume");
-        Calling const calling(*reader, call.monitor());
+        ipc::Calling const calling(reader->caller, call.monitor());
         reader->failure.guard([&] {
             vkt_volume* next = nullptr;
             if (reader->source->next_volume()) next = wrapped(load(*reader->source, call.execution()));
@@ -220,7 +170,7 @@ vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t co
         WithoutBrokenPipeSignal const quiet;
         result->pipe = ipc::is_pipe(descriptor);
         if (result->pipe) result->own = ipc::without_blocking(descriptor);
-        if (result->own >= 0) options.waiting = ended_by_caller(result.get());
+        if (result->own >= 0) options.waiting = ipc::ended_by(result->caller);
         result->sink = std::make_unique<ipc::StreamSink>(result->own >= 0 ? result->own : descriptor, options);
         *writer = result.release();
     });
@@ -231,7 +181,7 @@ vkt_status vkt_stream_put(vkt_stream_writer* writer, vkt_volume const* volume) {
         need(writer, "writer");
         need(volume, "volume");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
-        Calling const calling(*writer, call.monitor());
+        ipc::Calling const calling(writer->caller, call.monitor());
         writer->failure.guard([&] {
             WithoutBrokenPipeSignal const quiet;
             auto const source = volume_source({volume->volume});
@@ -264,7 +214,7 @@ vkt_status vkt_stream_close(vkt_stream_writer* writer) {
     return ipc::guarded([&](Call& call) {
         need(writer, "writer");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
-        Calling const calling(*writer, call.monitor());
+        ipc::Calling const calling(writer->caller, call.monitor());
         writer->failure.guard([&] {
             WithoutBrokenPipeSignal const quiet;
             writer->sink->close();

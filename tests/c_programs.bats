@@ -4,7 +4,7 @@ load helper
 setup_file() {
     [ -n "${VKT_BUILD:-}" ] && [ -z "${VKT_SANITIZED:-}" ] || return 0
     cd "$BATS_FILE_TMPDIR" || exit 1
-    for program in streams calls volkit; do
+    for program in streams series calls volkit; do
         cc -std=c99 -pedantic -Wall -Wextra -Werror -I"$VKT_ROOT" "$VKT_ROOT/tests/c/$program.c" -o "$program" \
             -L"$VKT_BUILD/libvkt" -lvkt -lm -pthread -Wl,-rpath,"$VKT_BUILD/libvkt" 2>>compiler || true
     done
@@ -111,6 +111,10 @@ data = bytearray(open('b.vkt', 'rb').read()); data[len(data) // 2] ^= 4; open('d
     vkt diff written.vkt written.nrrd
 }
 
+@test "calls of several passes tell evenly how far they are, in ten steps and more" {
+    calls even
+}
+
 @test "calls that are ended leave nothing behind, and end soon" {
     vkt make noise --dims 90 80 70 --dtype uint16 -o noise.nii.gz
     mkdir spool
@@ -189,9 +193,31 @@ pixels("iso.png")
 END
 }
 
+@test "series: counted, read, chosen from, written; nothing remains of what was not closed" {
+    vkt make noise --dims 24 20 16 --dtype uint8 -o a.nrrd
+    for i in 1 2 3; do vkt transform "v / $i" a.nrrd -o $i.nrrd; done
+    for format in nrrd nii.gz vkt; do
+        vkt stack a.nrrd 1.nrrd 2.nrrd 3.nrrd -o series.$format
+        [ "$(series round series.$format again.$format)" = "4 2" ]
+        vkt stack a.nrrd 1.nrrd 2.nrrd 3.nrrd 1.nrrd -o want.$format
+        for i in 0 1 2 3 4; do
+            vkt read want.$format --index $i | vkt diff - <(vkt read again.$format --index $i)
+        done
+        run ! vkt read again.$format --index 5
+    done
+    series wrong series.nii.gz
+    [ -z "$(find . -name '*left*')" ]
+}
+
+@test "slices and bricks go apart and together in memory" {
+    vkt make noise --dims 24 20 16 --dtype uint16 -o a.nrrd
+    [ "$(series pieces a.nrrd)" = 12 ]
+}
+
 @test "volkit's files" {
     vkt make ramp --dims 24 20 16 --dtype uint8 | vkt write v_24x20x16_uint8.raw
     [ "$(volkit files v_24x20x16_uint8.raw)" = "24 20 16 4" ]
+    volkit regions v_24x20x16_uint8.raw
     vkt read v_24x20x16_uint8.raw | vkt flip x | vkt write want_24x20x16_uint8.raw
     vkt read out.nrrd | vkt write got_24x20x16_uint8.raw
     cmp want_24x20x16_uint8.raw got_24x20x16_uint8.raw

@@ -179,7 +179,7 @@ END
 
 @test "an operation of one's own builds against the installed tree" {
     cp -r "$VKT_ROOT/examples/own-operation" own
-    [ "$(grep -cvE '^ *(//|$)' own/gamma.cpp)" -le 40 ]
+    [ "$(wc -l <own/gamma.cpp)" -le 40 ]
     cmake -S own -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$prefix" >log 2>&1 || { cat log >&2; false; }
     cmake --build build >log 2>&1 || { cat log >&2; false; }
     for type in uint8 float32; do

@@ -130,3 +130,95 @@ del reader, array
 assert total == (2.0 * volume.array - 1).sum()
 EOF2
 }
+
+# A series of three times with a step of 2.5 s, made by another program; of two channels, one of three colours at two
+# times.
+make_series() {
+    python_with nibabel
+    python <<'EOF2'
+import nibabel
+data = np.random.default_rng(1).integers(-500, 500, (7, 6, 5, 3)).astype(np.int16)
+image = nibabel.Nifti1Image(data, np.diag([2, 3, 4, 1]))
+image.header.set_zooms((2, 3, 4, 2.5))
+image.header.set_xyzt_units("mm", "sec")
+image.header["toffset"] = 10
+nibabel.save(image, "series.nii.gz")
+np.save("series.npy", data.T)  # t, z, y, x
+parts = [vkt.set(vkt.Volume(np.full((4, 5, 6), 10 * t + c, np.uint8), spacing=(1, 2, 3)),
+                 attribute={"channel": name, "sequence kind": "time", "sequence position": 0.5 * t, "sequence step": 0.5})
+         for t in range(2) for c, name in enumerate(["DAPI", "GFP"])]
+vkt.write_series(parts, "channels.vkt")
+EOF2
+}
+
+@test "napari: a series is a layer with an axis of time, channels are layers" {
+    make_series
+    PYTHONPATH="$VKT_ROOT/examples/napari-vkt:$PYTHONPATH" python <<'EOF2'
+import napari_vkt
+want = np.load("series.npy")
+(data, properties, kind), = napari_vkt.get_reader("series.nii.gz")("series.nii.gz")
+assert kind == "image" and np.array_equal(data, want) and properties["name"] == "series.nii.gz"
+affine = properties["affine"]
+assert affine.shape == (5, 5) and properties["units"] == ("s", "mm", "mm", "mm")
+# Time 2 at voxel z 4, y 5, x 6.
+assert np.allclose(affine @ [2, 4, 5, 6, 1], [10 + 2 * 2.5, 16, 15, 12, 1]), affine
+layers = napari_vkt.read("channels.vkt")
+assert [(p["name"], d.shape, d[1, 0, 0, 0]) for d, p, _ in layers] == [
+    ("channels.vkt DAPI", (2, 4, 5, 6), 10), ("channels.vkt GFP", (2, 4, 5, 6), 11)]
+assert np.allclose(np.diag(layers[1][1]["affine"]), [0.5, 3, 2, 1, 1])
+# Written again, it is the same.
+assert napari_vkt.write_layer("again.nii.gz", data, properties) == ["again.nii.gz"]
+import nibabel
+image = nibabel.load("again.nii.gz")
+assert np.array_equal(np.asarray(image.dataobj).T, want) and np.allclose(image.header.get_zooms(), (2, 3, 4, 2.5))
+assert image.header.get_xyzt_units() == ("mm", "sec") and image.header["toffset"] == 10
+assert np.allclose(image.affine, np.diag([2, 3, 4, 1]))
+(again, same, _), = napari_vkt.read("again.nii.gz")
+assert np.array_equal(again, data) and np.allclose(same["affine"], affine) and same["units"] == properties["units"]
+# Of volumes that are not alike each has a layer.
+vkt.write_series([volume, vkt.crop(volume, roi="1:,:,:")], "unlike.vkt")
+assert [d.shape for d, _, _ in napari_vkt.read("unlike.vkt")] == [volume.array.shape, volume.array[:, :, 1:].shape]
+for wrong in np.zeros((2, 2, 2, 2, 2)), np.zeros((2, 2, 2, 2)):
+    try:
+        napari_vkt.write_layer("wrong.nrrd", wrong, {"affine": np.eye(wrong.ndim + 1) + np.eye(wrong.ndim + 1, k=1)})
+        raise SystemExit("taken")
+    except vkt.Error as e:
+        assert "time and space" in str(e)
+EOF2
+}
+
+@test "ParaView: volumes of a series are time steps, channels arrays" {
+    python_with vtk
+    make_series
+    cp "$VKT_ROOT/examples/paraview-vkt.py" paraview_vkt.py
+    PYTHONPATH="$PWD:$PYTHONPATH" python <<'EOF2'
+import paraview_vkt
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
+want = np.load("series.npy")
+reader = paraview_vkt.VktReader()
+reader.SetFileName("series.nii.gz")
+reader.UpdateInformation()
+information = reader.GetOutputInformation(0)
+assert list(information.Get(pipeline.TIME_STEPS())) == [10, 12.5, 15]
+assert list(information.Get(pipeline.TIME_RANGE())) == [10, 15]
+for time, step in (10, 0), (15, 2), (12.5, 1), (14, 1), (15, 2), (0, 0), (99, 2):
+    reader.UpdateTimeStep(time)
+    image = reader.GetOutputDataObject(0)
+    assert image.GetDimensions() == (7, 6, 5) and np.allclose(image.GetSpacing(), (2, 3, 4))
+    voxels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(5, 6, 7)
+    assert np.array_equal(voxels, want[step]), (time, step)
+    assert image.GetInformation().Get(image.DATA_TIME_STEP()) == 10 + 2.5 * step
+reader.SetFileName("channels.vkt")
+reader.UpdateInformation()
+assert list(reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS())) == [0, 0.5]
+reader.UpdateTimeStep(0.5)
+points = reader.GetOutputDataObject(0).GetPointData()
+assert [points.GetArrayName(i) for i in range(points.GetNumberOfArrays())] == ["DAPI", "GFP"]
+assert points.GetArray("GFP").GetValue(0) == 11 and points.GetScalars().GetValue(0) == 10
+reader.SetFileName("volume.nrrd")  # one volume has no times
+reader.Update()
+assert not reader.GetOutputInformation(0).Has(pipeline.TIME_STEPS())
+assert np.array_equal(vtk_to_numpy(reader.GetOutputDataObject(0).GetPointData().GetScalars()), volume.array.ravel())
+EOF2
+}

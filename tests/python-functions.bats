@@ -220,6 +220,9 @@ vkt.set(turned, attribute={"a": "b"})
 rows: int = vkt.render(turned, size=(64, 48)).shape[0] + turned.render(format="float").shape[1]
 picture: bytes = vkt.render(turned, format="png") + turned.render(format="png")
 vkt.write_stream(open("a.vkt", "wb"), np.ones((3, 3, 3)))
+series: vkt.Series = vkt.read_series("a.nrrd")[1:]
+vkt.write_series((vkt.reorient(one, to="RAS") for one in series), "b.nrrd", force=True)
+one: vkt.Volume = vkt.merge(vkt.brick(vkt.stack(vkt.split(series[0])), size=32))
 EOF2
     MYPYPATH="$site" /usr/bin/python3 -m mypy --strict program.py
     printf 'vkt.flip(turned, "q")\nvkt.rotate(smooth, angel=3)\nvkt.threshold(turned, above="x")\n' >>program.py
@@ -279,4 +282,74 @@ with warnings.catch_warnings(record=True) as said:
     assert len(vkt.surface(ball, iso=1e9).vertices()) == 0
 assert "no surface" in str(said[0].message)
 END
+}
+
+@test "names that people look for are functions: reorient is permute, edit is set" {
+    python <<'EOF2'
+lps = vkt.edit(volume, attribute="space=LPS", units="HU")
+assert lps.units == "HU" and lps.space == "LPS" or lps.space == "left-posterior-superior"
+ras = vkt.reorient(lps, to="RAS")
+assert np.array_equal(ras.array, vkt.permute(lps, "ras").array) and np.array_equal(ras.array, volume.array[:, ::-1, ::-1])
+assert np.array_equal(vkt.apply("reorient --to RAS", lps).array, ras.array)
+assert np.array_equal(vkt.apply("edit", lps, units="mm").array, lps.array)
+assert ras.header["history"]["command"][0] == "permute"
+assert np.array_equal(vkt.permute(volume, to="zyx").array, volume.array.transpose(2, 1, 0))
+assert "permute() by another name" in vkt.reorient.__doc__ and "Also by the name to." in vkt.reorient.__doc__
+for wrong in dict(order="zyx", to="zyx"), dict(ordre="zyx"), {}:
+    try:
+        vkt.reorient(volume, **wrong)
+        raise SystemExit(f"taken: {wrong}")
+    except TypeError:
+        pass
+try:
+    vkt.apply("reorent", volume)
+    raise SystemExit("taken")
+except vkt.Error as e:
+    assert "did you mean 'reorient'" in str(e), e
+EOF2
+}
+
+@test "slices and bricks: taken apart and put together, as the commands do" {
+    python <<'EOF2'
+import subprocess
+slices = vkt.split(volume)
+assert len(slices) == volume.dims[2] and all(s.dims == (*volume.dims[:2], 1) for s in slices)
+assert np.array_equal(slices[7].array[0], volume.array[7])
+assert np.allclose(slices[7].origin, np.array(volume.origin) + volume.direction[:, 2] * volume.spacing[2] * 7)
+again = vkt.stack(slices)
+assert np.array_equal(again.array, volume.array) and again.spacing == volume.spacing and again.origin == volume.origin
+thick = vkt.stack([vkt.crop(volume, roi=":,:,:10"), vkt.crop(volume, roi=":,:,10:")])
+assert np.array_equal(thick.array, volume.array)
+bricks = vkt.brick(volume, size=(20, 30, 16), ghost=2)
+counts = [-(-n // size) for n, size in zip(volume.dims, (20, 30, 16))]
+assert len(bricks) == np.prod(counts) and bricks[0].dims == (22, 32, 18)
+assert np.array_equal(bricks[0].array, volume.array[:18, :32, :22])
+whole = vkt.merge(reversed(bricks))
+assert np.array_equal(whole.array, volume.array) and whole.spacing == volume.spacing
+assert whole.header.get("attributes") == volume.header.get("attributes")
+# A filter brick by brick, ghosts as wide as it reaches.
+median = vkt.merge(vkt.filter.median(brick, radius=2) for brick in vkt.brick(volume, size=24, ghost=2))
+assert np.array_equal(median.array, vkt.filter.median(volume, radius=2).array)
+subprocess.run(["sh", "-c", "vkt brick volume.nrrd --size 20,30,16 --ghost 2 -o bricks"], check=True)
+of_command = [one for one in vkt.read_series("bricks/*.nrrd")]
+assert all(np.array_equal(a.array, b.array) for a, b in zip(bricks, of_command, strict=True))
+for call, kind, text in (
+        (lambda: vkt.merge(bricks[1:]), vkt.Error, "a brick is missing"), (lambda: vkt.merge([volume, volume]), vkt.Error, "brick"),
+        (lambda: vkt.stack([]), vkt.Error, "no volumes"), (lambda: vkt.stack([slices[0], slices[2], slices[3]]), vkt.Error, "does not fit"),
+        (lambda: vkt.stack(volume), TypeError, "several"), (lambda: vkt.split(volume.array), TypeError, "vkt.Volume"),
+        (lambda: vkt.brick(volume, sise=3), vkt.Error, "sise"), (lambda: vkt.merge([]), vkt.Error, "no bricks")):
+    try:
+        call()
+        raise SystemExit(f"taken: {text}")
+    except kind as e:
+        assert text in str(e), e
+assert vkt.stack([slices[0], slices[2], slices[3]], force_uniform=True).dims[2] == 3
+tree = vkt.make.amr(blocks=9, levels=3)
+for function in vkt.split, vkt.brick:
+    try:
+        function(tree)
+        raise SystemExit("taken")
+    except vkt.Error as e:
+        assert "hierarchical" in str(e)
+EOF2
 }

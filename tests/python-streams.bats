@@ -196,3 +196,93 @@ for wrong in None, 3, "volume.nrrd", [[1, 2], [3, 4]]:
     raises(TypeError, "a stream is of volumes", lambda: stream(wrong))
 EOF2
 }
+
+@test "a series: counted, read one after another, by number and by slices" {
+    python_with nibabel
+    python <<'EOF2'
+import nibabel
+data = np.random.default_rng(1).integers(-500, 500, (7, 6, 5, 6)).astype(np.int16)
+for name in "series.nii", "series.nii.gz":
+    nibabel.save(nibabel.Nifti1Image(data, np.diag([2, 3, 4, 1])), name)
+    series = vkt.read_series(name)
+    assert len(series) == 6
+    for t, one in enumerate(series):
+        assert np.array_equal(one.array, data[..., t].T) and one.spacing == (2, 3, 4), (name, t)
+    assert t == 5 and np.array_equal(series[3].array, data[..., 3].T) and np.array_equal(series[-1].array, data[..., 5].T)
+    for part in np.s_[1:5:2], np.s_[::-2], np.s_[2:], np.s_[:-4], np.s_[4:4], np.s_[3:4]:
+        want = data.T[part]
+        assert len(series[part]) == len(want), part
+        assert all(np.array_equal(a.array, b) for a, b in zip(series[part], want, strict=True)), part
+    assert np.array_equal(series[1:5][::2][1].array, data[..., 3].T)
+    assert [v.dims for v in vkt.read_series(name, roi="1:3,:,:")] == [(2, 6, 5)] * 6
+    two = series[2]
+    assert two.header["history"]["command"] == ["read", name, "--index", "2"]
+    assert next(iter(series[2:5:2])).header["history"]["command"] == ["read", name, "--index", "2"]
+    assert [v.header["history"]["command"][-1] for v in series] == list("012345")
+assert len(vkt.read_series("volume.nrrd")) == 1 and np.array_equal(vkt.read_series("volume.nrrd")[0].array, volume.array)
+for wrong, error, text in (
+        (lambda: series[6], IndexError, "there are 6"), (lambda: series[-7], IndexError, "there are 6"),
+        (lambda: vkt.read("series.nii"), vkt.Error, "index=N, counted from 0; vkt.read_series() reads all"),
+        (lambda: vkt.read_series("series.nii", index=2), vkt.Error, "[2:10]"),
+        (lambda: len(vkt.read_series("nowhere.nii")), vkt.Error, "nowhere.nii"),
+        (lambda: iter(vkt.read_series("nowhere.nii")), vkt.Error, "nowhere.nii")):
+    try:
+        wrong()
+        raise SystemExit("taken: " + text)
+    except error as e:
+        assert text in str(e), e
+# Damage is told where it is met, and what comes before it is read.
+whole = open("series.nii", "rb").read()
+open("short.nii.gz", "wb").write(__import__("gzip").compress(whole)[:-900])
+got = []
+try:
+    for one in vkt.read_series("short.nii.gz"):
+        got.append(one)
+    raise SystemExit("taken")
+except vkt.Error as e:
+    assert e.exit_code == 3 and all(np.array_equal(one.array, data[..., t].T) for t, one in enumerate(got))
+EOF2
+}
+
+@test "a series is written into one file, or into numbered ones, whole or not at all" {
+    python <<'EOF2'
+import os
+parts = [vkt.crop(volume, roi=f"{x}:{x + 5},:,:") for x in (0, 5, 10)]
+times = [volume, vkt.flip(volume, "x"), vkt.filter.median(volume, radius=1)]
+times[1] = vkt.Volume(times[1].array, like=volume)
+for name in "out.nii.gz", "out.nrrd":
+    vkt.write_series(iter(times), name)
+    assert all(np.array_equal(a.array, b.array) for a, b in zip(vkt.read_series(name), times, strict=True)), name
+for name in "unlike.vkt",:
+    vkt.write_series(iter(parts), name)
+    assert all(np.array_equal(a.array, b.array) for a, b in zip(vkt.read_series(name), parts, strict=True)), name
+vkt.write_series([part.array for part in parts], "a%02d.mha")
+assert sorted(f for f in os.listdir() if f.startswith("a0")) == ["a00.mha", "a01.mha", "a02.mha"]
+assert [v.dims for v in vkt.read_series("a*.mha")] == [p.dims for p in parts]
+def broken():
+    yield parts[0]
+    raise RuntimeError("no more")
+for what, kind, text in (
+        (broken(), RuntimeError, "no more"), ([parts[0], volume], vkt.Error, "one NIfTI file cannot hold"), ([parts[0], 3], TypeError, "int"),
+        (volume, TypeError, "several"), ("text", TypeError, "several")):
+    try:
+        vkt.write_series(what, "broken.nii.gz")
+        raise SystemExit("taken")
+    except kind as e:
+        assert text in str(e), e
+    assert not [f for f in os.listdir() if "broken" in f], os.listdir()
+try:
+    vkt.write_series(times, "out.nrrd")
+    raise SystemExit("taken")
+except vkt.Error as e:
+    assert "force=True" in str(e)
+vkt.write_series(times[:1], "out.nrrd", force=True)
+assert len(vkt.read_series("out.nrrd")) == 1
+os.mkfifo("pipe")
+try:
+    len(vkt.read_series("pipe"))
+    raise SystemExit("taken")
+except TypeError as e:
+    assert "once" in str(e)
+EOF2
+}

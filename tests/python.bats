@@ -151,7 +151,8 @@ calls = {
     "filter nlmeans": "{v} --search 1 --strength 9", "filter sharpen": "{v} --sigma 0.5", "flip": "x {v}",
     "flip-range": "{v} --axis y --first 1 0 0 --last 3 2 2", "histogram": "{v} --bins 7", "make amr": "--blocks 9 --levels 3",
     "mesh": "{v} --iso 100", "morphology": "close {v} --radius 1", "pad": "{v} --by 1", "permute": "zyx {v}", "project": "max {v}",
-    "refine": "{v} --tolerance 20", "resample": "{v} --scale 0.5", "rotate": "{v} --axis z --angle 90", "scale": "{v} --factor 0.5",
+    "refine": "{v} --tolerance 20", "reorient": "zyx {v}", "edit": "{v} --spacing 1,2,3",
+    "resample": "{v} --scale 0.5", "rotate": "{v} --axis z --angle 90", "scale": "{v} --factor 0.5",
     "set": "{v} --spacing 1,2,3", "slice": "{v} --z 4", "stats": "{v} --percentiles 50", "threshold": "{v} --otsu",
     "transform": "v*2+a {v} {v}"}
 calls |= {name: "--dims 4 5 6" for name in vkt.operations() if name.startswith("make ") and name not in calls}

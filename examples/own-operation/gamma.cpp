@@ -8,39 +8,32 @@
 #include <cmath>
 #include <iostream>
 
-struct Curve { // what happens to a voxel; a driver runs it over rows, on all threads, in and out of any type
-    double top, exponent;
-    double operator()(double v) const { return top * std::pow(v / top, exponent); }
-};
-
 class Gamma : public vkt::Operation {
 public:
     double exponent = 1;
+    vkt::Losses losses; // what was clipped
     std::string_view name() const override { return "gamma"; }
     vkt::Shape shape() const override { return vkt::Shape::pointwise; }
     vkt::Plan plan(std::span<vkt::Header const> inputs) const override {
-        vkt::Plan plan;
-        plan.output = inputs.front(); // same grid, type and place; the engine adds the history
-        return plan;
+        return {.output = inputs.front()}; // same grid, type and place; the engine adds the history
     }
-    void begin(std::span<vkt::Header const>, vkt::Plan const&) override { losses = {}; }
     void run(std::span<vkt::ConstView const> inputs, vkt::AnyView out, vkt::Execution const& execution) override {
         double const top = vkt::is_integer(out.type) ? vkt::highest_of(out.type) : 1;
-        vkt::baseline::map<double>(execution, out, losses, Curve{top, exponent}, inputs.front());
+        // What happens to a voxel; the driver runs it over rows, on all threads, in and out of any type.
+        auto const curve = [top, e = exponent](double v) { return top * std::pow(v / top, e); };
+        vkt::baseline::map<double>(execution, out, losses, curve, inputs.front());
     }
-    vkt::Losses losses; // what was clipped
 };
 
 int main(int argc, char** argv) try {
     if (argc != 4) throw vkt::Error(vkt::ErrorKind::usage, "gamma IN OUT EXPONENT");
-    vkt::Execution const execution = vkt::default_execution();
+    auto const execution = vkt::default_execution();
     Gamma gamma;
     gamma.exponent = std::stod(argv[3]);
     std::vector<std::unique_ptr<vkt::Source>> inputs;
     inputs.push_back(vkt::ReadRequest().open(argv[1]));
-    auto const result =
-        vkt::attach(std::move(inputs), gamma, execution, {.name = "gamma", .words = {"gamma", argv[3]}});
-    vkt::drain(*result, *vkt::create_volume(argv[2], {}), execution);
+    auto const out = vkt::attach(std::move(inputs), gamma, execution, {.name = "gamma", .words = {"gamma", argv[3]}});
+    vkt::drain(*out, *vkt::create_volume(argv[2], {}), execution);
 } catch (std::exception const& e) {
     std::cerr << "gamma: " << e.what() << '\n';
     return 1;

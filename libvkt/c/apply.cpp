@@ -21,6 +21,7 @@ char const* const* vkt_operations(void) {
     static std::vector<char const*> const names = [] {
         std::vector<char const*> list;
         for (auto const& operation : operations()) list.push_back(operation.name.data()); // literals, ended by a zero
+        for (auto const& alias : operation_aliases()) list.push_back(alias.name.data());
         list.push_back(nullptr);
         return list;
     }();
@@ -30,7 +31,7 @@ char const* const* vkt_operations(void) {
 int vkt_measures(char const* name) {
     auto const& list = operations();
     return std::any_of(list.begin(), list.end(), [&](RegisteredOperation const& entry) {
-        return name != nullptr && entry.name == name && entry.make()->shape() == Shape::reduction;
+        return name != nullptr && entry.name == operation_name(name) && entry.make()->shape() == Shape::reduction;
     });
 }
 

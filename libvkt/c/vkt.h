@@ -84,7 +84,8 @@ typedef int (*vkt_progress_function)(double done, void* user);
    result, no file, no temporary. */
 VKT_API void vkt_set_progress(vkt_progress_function function, void* user);
 
-/** Names of the operations that vkt_apply() and vkt_measure() know, ended by a null pointer. */
+/** Names of the operations that vkt_apply() and vkt_measure() know, ended by a null pointer; also those by which people
+   look for them, "reorient" for "permute" and "edit" for "set". */
 VKT_API char const* const* vkt_operations(void);
 /** 1 if the operation of this name makes no volume but reports, which is for vkt_measure(); 0 if it makes one, which is
    for vkt_apply(), or if there is none. */
@@ -94,7 +95,8 @@ VKT_API int vkt_measures(char const* name);
 VKT_API vkt_status vkt_operation_help(char const* name, char** json);
 
 /** Reads the volume of a file, or maps that of a segment of shared memory ("shm:NAME"). Options are those of
-   `vkt read`, also "--trust-paths", and "--index N" for a file of several volumes. */
+   `vkt read`, also "--trust-paths", and "--index N" for a file of several volumes, which vkt_series_open() reads one
+   after another. */
 VKT_API vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume);
 
 /** One voxel of uint8 at the origin, 1 wide: something to begin a description with. */
@@ -133,6 +135,46 @@ VKT_API vkt_status vkt_header(vkt_volume const* volume, char** json);
 
 /** Writes a file whose name tells the format. Options are those of `vkt write`: --force, --compress, --format. */
 VKT_API vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* const* words, size_t count);
+
+/** How many volumes a file has of those that the words, which are those of vkt_read(), ask for. Headers are read, and
+   no voxels but of compressed files and of streams, which are read to their end; a pipe is used up by that. */
+VKT_API vkt_status vkt_count_volumes(char const* path, char const* const* words, size_t count, int64_t* volumes);
+/** Several volumes, one after another: of a file, of files that a pattern names, slices or bricks. */
+typedef struct vkt_series_reader vkt_series_reader;
+/** Opens a file of several volumes, such as times or channels, or of one. Options are those of vkt_read(), of which
+   "--index A:B:S" chooses some. */
+VKT_API vkt_status vkt_series_open(char const* path, char const* const* words, size_t count,
+                                   vkt_series_reader** reader);
+/** Reads the next volume, or VKT_OK and a null pointer after the last. After a failure every further call fails. */
+VKT_API vkt_status vkt_series_next(vkt_series_reader* reader, vkt_volume** volume);
+/** Takes null, too. */
+VKT_API void vkt_series_free_reader(vkt_series_reader* reader);
+/** A file that several volumes are being written to. */
+typedef struct vkt_series_writer vkt_series_writer;
+/** Begins a file whose name tells the format, "out.nii.gz"; or one for each volume, "out%03d.nrrd", of which each
+   appears when it is complete. Options are those of vkt_write(). */
+VKT_API vkt_status vkt_series_create(char const* path, char const* const* words, size_t count,
+                                     vkt_series_writer** writer);
+/** Writes the next volume, which a format may ask to be like the first. After a failure every further call fails. */
+VKT_API vkt_status vkt_series_put(vkt_series_writer* writer, vkt_volume const* volume);
+/** The series is complete: its file appears. */
+VKT_API vkt_status vkt_series_close(vkt_series_writer* writer);
+/** Of a file that was not closed nothing remains. Takes null, too. */
+VKT_API void vkt_series_free_writer(vkt_series_writer* writer);
+
+/** Volumes on one another along z, {"stack", "--along", "z"}: they must have one type, one extent along x and y, and
+   lie behind one another, if they say where they lie; "--force-uniform" takes them in this order all the same. */
+VKT_API vkt_status vkt_stack(vkt_volume const* const* volumes, size_t volume_count, char const* const* words,
+                             size_t count, vkt_volume** result);
+/** The slices of a volume along z, each with its place in the world. The volume may be freed before the reader. */
+VKT_API vkt_status vkt_split(vkt_volume const* volume, vkt_series_reader** slices);
+/** The bricks of a volume, x fastest, which say in attributes where they belong. Options are those of `vkt brick`:
+   --size, --ghost, --boundary. The volume may be freed before the reader. */
+VKT_API vkt_status vkt_brick(vkt_volume const* volume, char const* const* words, size_t count,
+                             vkt_series_reader** bricks);
+/** Bricks put together again, in any order: bit for bit the volume that was cut, or what was made of its bricks. Ghosts
+   are dropped; bricks that are missing, overlap or belong elsewhere are refused. */
+VKT_API vkt_status vkt_merge(vkt_volume const* const* bricks, size_t count, vkt_volume** result);
 
 /** Applies one operation, {"filter", "gaussian", "--sigma", "2"}. Inputs are passed beside the words; where the command
    takes them between other arguments, "-" stands for the next: {"arith", "sub", "-", "-"}, {"arith", "mul", "-", "2"}.

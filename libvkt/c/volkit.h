@@ -8,7 +8,14 @@
    mapping, distances and the voxels that a call does not write; it may be a source as well. Source voxels outside of a
    volume are those of its border; what would be written outside is left out. Where a call fails, vkt_error() and
    vkt_error_hint() of vkt.h tell why, and all is as it was. A function without a status leaves a null pointer, or what
-   was there. */
+   was there.
+
+   These are volkit's names since its volumes have data formats. Left out are those that nothing here stands behind:
+   CUDA contexts and streams (vktCudaContext…), registered resources and handles of volumes (vktRegisterManagedResource,
+   vktGetManagedResource, vktManagedBuffer…), Virvo's files (vktVirvoFile…: they are read as any other), files of FILE
+   pointers (vktRawFileCreateFD), and what volkit declares and does not have (vktCopySubVoxelRangeSV,
+   vktTransformSubVoxelRangeSV1 and 2). Older programs count bytes per voxel where formats are said now: they do not
+   compile, since 1 byte would be taken for vktDataFormatInt8. */
 #ifndef LIBVKT_C_VOLKIT_H
 #define LIBVKT_C_VOLKIT_H
 
@@ -16,6 +23,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 /** What programs link to. */
 #define VKTAPI VKT_API
@@ -124,6 +132,20 @@ typedef struct {
     vktVec3f_t max; /**< upper corner */
 } vktBox3f_t;
 
+/** From where to where memory is copied. */
+typedef enum {
+    vktCopyKindHostToHost,    /**< on the host */
+    vktCopyKindHostToDevice,  /**< the same: memory of vktAllocate() is the host's */
+    vktCopyKindDeviceToHost,  /**< the same */
+    vktCopyKindDeviceToDevice /**< the same */
+} vktCopyKind;
+/** Memory of the host, whatever the execution policy: calls move what a GPU works on. Null if there is none. */
+VKTAPI void vktAllocate(void** ptr, size_t size);
+/** Of vktAllocate(). Takes null, too. */
+VKTAPI void vktFree(void* ptr);
+/** Copies between regions that do not overlap. */
+VKTAPI void vktMemcpy(void* dst, void const* src, size_t size, vktCopyKind ck);
+
 /** A grid of voxels that changes in place. */
 typedef struct vktStructuredVolume_impl* vktStructuredVolume;
 /** Bricks of cells of several widths that change in place. */
@@ -190,6 +212,8 @@ VKTAPI vktVec2f_t vktStructuredVolumeGetVoxelMapping2fv(vktStructuredVolume volu
 VKTAPI vktBox3f_t vktStructuredVolumeGetDomainBounds(vktStructuredVolume volume);
 /** From 0 to dims * dist. */
 VKTAPI vktBox3f_t vktStructuredVolumeGetObjectBounds(vktStructuredVolume volume);
+/** vktStructuredVolumeGetObjectBounds() by the name that it had before. */
+VKTAPI vktBox3f_t vktStructuredVolumeGetWorldBounds(vktStructuredVolume volume);
 /** The stored voxels, x fastest, to read and write until the next call that changes the volume. */
 VKTAPI uint8_t* vktStructuredVolumeGetData(vktStructuredVolume volume);
 /** Sets a voxel, rounded to the nearest value that the type has. Nothing outside of the volume. */
@@ -218,6 +242,8 @@ VKTAPI uint8_t vktHierarchicalVolumeGetMaxBytesPerVoxel(void);
 /** A volume of stored zeros in copies of these bricks. */
 VKTAPI void vktHierarchicalVolumeCreate(vktHierarchicalVolume* volume, vktBrick_t* bricks, size_t numBricks,
                                         vktDataFormat dataFormat, float mappingLo, float mappingHi);
+/** Another volume with the same bricks and cells. */
+VKTAPI void vktHierarchicalVolumeCreateCopy(vktHierarchicalVolume* volume, vktHierarchicalVolume rhs);
 /** Takes null, too. */
 VKTAPI void vktHierarchicalVolumeDestroy(vktHierarchicalVolume volume);
 /** Finest cells along each axis, from the lowest brick to the end of the highest. */
@@ -506,6 +532,8 @@ VKTAPI void vktLookupTableSetData(vktLookupTable lut, uint8_t* data);
 VKTAPI uint8_t* vktLookupTableGetData(vktLookupTable lut);
 /** Bytes of all entries. */
 VKTAPI size_t vktLookupTableGetSizeInBytes(vktLookupTable lut);
+/** Does nothing: tables are on the host between calls. */
+VKTAPI void vktLookupTableMigrate(vktLookupTable lut);
 /** Names the table in vktRenderState_t. */
 VKTAPI vktResourceHandle vktLookupTableGetResourceHandle(vktLookupTable lut);
 
@@ -577,6 +605,8 @@ VKTAPI vktDataSource vktVolumeFileGetBase(vktVolumeFile file);
 VKTAPI void vktVolumeFileDestroy(vktVolumeFile file);
 /** All zeros if there is nothing to read. */
 VKTAPI vktVolumeFileHeader_t vktVolumeFileGetHeader(vktVolumeFile file);
+/** The next bytes of the voxels, as vktRawFileRead(). */
+VKTAPI size_t vktVolumeFileRead(vktVolumeFile file, char* buf, size_t len);
 /** VKT_TRUE if there is something to read. */
 VKTAPI vktBool_t vktVolumeFileGood(vktVolumeFile file);
 /** vktVolumeFileCreateS() with a mode of fopen(): "r", or one that writes. */
@@ -585,6 +615,10 @@ VKTAPI void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const
 VKTAPI vktDataSource vktRawFileGetBase(vktRawFile file);
 /** Takes null, too. */
 VKTAPI void vktRawFileDestroy(vktRawFile file);
+/** The next bytes of the voxels as they are stored, x fastest, in the order of the machine; returns how many there
+ * were.
+ */
+VKTAPI size_t vktRawFileRead(vktRawFile file, char* buf, size_t len);
 /** VKT_TRUE if there is something to read. */
 VKTAPI vktBool_t vktRawFileGood(vktRawFile file);
 /** Of the voxels; zeros if there is nothing to read. */
@@ -596,8 +630,15 @@ VKTAPI void vktInputStreamCreate(vktInputStream* stream, vktDataSource source);
 /** Takes null, too. */
 VKTAPI void vktInputStreamDestroy(vktInputStream stream);
 /** Reads the voxels, as many as there are in both. Those of the same type are taken as they are stored, under the
-   mapping of the volume; others keep their values. */
+   mapping of the volume; others keep their values. Where bytes of the file were read or passed over before, those that
+   come next become the volume, which is to have the type of the file. */
 VKTAPI vktError vktInputStreamReadSV(vktInputStream stream, vktStructuredVolume volume);
+/** The next bytes of the file become a region of the volume, row after row; vktReadError if there are fewer. The volume
+   is to have the type of the file, and the region is to lie in it. */
+VKTAPI vktError vktInputStreamReadRangeSV(vktInputStream stream, vktStructuredVolume volume, int32_t firstX,
+                                          int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ);
+/** What is read next begins at this byte of the voxels, of which the first is byte 0: headers do not count. */
+VKTAPI vktError vktInputStreamSeek(vktInputStream stream, size_t pos);
 /** Begins to write. */
 VKTAPI void vktOutputStreamCreate(vktOutputStream* stream, vktDataSource source);
 /** Takes null, too. */

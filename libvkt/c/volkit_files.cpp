@@ -7,6 +7,8 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
+#include <cstddef>
 #include <cstring>
 #include <string>
 #include <utility>
@@ -17,7 +19,8 @@ using namespace vkt::volkit;
 struct vktVolumeFile_impl {
     std::string path{};
     vktOpenMode mode = vktOpenModeRead;
-    Owned volume{}; ///< what it holds, if it was opened to be read and can be
+    Owned volume{};      ///< what it holds, if it was opened to be read and can be
+    size_t position = 0; ///< bytes of the voxels that were read or passed over
 };
 struct vktInputStream_impl {
     vktDataSource source;
@@ -32,6 +35,50 @@ vktDataFormat format_of(char const* name) {
     for (int i = vktDataFormatUnspecified + 1; i < vktVoxelFormatCount; ++i)
         if (std::strcmp(name_of(static_cast<vktDataFormat>(i)), name) == 0) return static_cast<vktDataFormat>(i);
     return vktDataFormatUnspecified;
+}
+
+/// A file that voxels can be read from. Throws Failed.
+vktVolumeFile_impl& readable(vktInputStream stream) {
+    c::need(stream, "stream");
+    vktVolumeFile_impl& file = *stream->source;
+    if (file.mode == vktOpenModeWrite) throw Failed{vktInvalidDataSource};
+    if (!file.volume) throw Failed{vktReadError};
+    return file;
+}
+
+struct Bytes {
+    std::byte const* data = nullptr;
+    size_t size = 0;
+};
+
+/// The voxels of a file as they are stored. Throws Failed.
+Bytes stored(vktVolumeFile_impl const& file) {
+    void const* voxels = nullptr;
+    size_t bytes = 0;
+    if (vkt_voxels(file.volume.get(), &voxels, &bytes) != VKT_OK) throw Failed{vktReadError};
+    return {static_cast<std::byte const*>(voxels), bytes};
+}
+
+/// The next bytes of a file as rows of a region of a volume.
+void read_next(vktVolumeFile_impl& file, vktStructuredVolume volume, Box const& region) {
+    vkt_description const d = description_of(file.volume.get());
+    if (format_of(d.dtype) != volume->format)
+        throw Error(ErrorKind::usage, text("'", file.path, "' holds ", d.dtype,
+                                           ", which are not read piece by piece into ", name_of(volume->format)));
+    Box const all = whole(volume);
+    if (!(intersect(region, all) == region))
+        throw Error(ErrorKind::usage, text("the region ", region, " leaves the volume"));
+    Bytes const from = stored(file);
+    size_t const bytes = static_cast<size_t>(region.voxels()) * size_of(volume->format);
+    if (file.position > from.size || from.size - file.position < bytes) throw Failed{vktReadError};
+    std::uint8_t* const to = writable(volume);
+    size_t const row = static_cast<size_t>(region.dims().x) * size_of(volume->format);
+    for (std::int64_t z = region.lower.z; z < region.upper.z; ++z)
+        for (std::int64_t y = region.lower.y; y < region.upper.y; ++y) {
+            std::int64_t const first = (z * all.upper.y + y) * all.upper.x + region.lower.x;
+            std::memcpy(to + static_cast<size_t>(first) * size_of(volume->format), from.data + file.position, row);
+            file.position += row;
+        }
 }
 
 } // namespace
@@ -65,6 +112,19 @@ vktVolumeFileHeader_t vktVolumeFileGetHeader(vktVolumeFile file) {
     });
     return header;
 }
+size_t vktVolumeFileRead(vktVolumeFile file, char* buf, size_t len) {
+    size_t read = 0;
+    volkit::attempt([&] {
+        c::need(file, "file");
+        c::need(buf, "buf");
+        if (!file->volume) return;
+        Bytes const from = stored(*file);
+        read = std::min(len, from.size - file->position);
+        std::memcpy(buf, from.data + file->position, read);
+        file->position += read;
+    });
+    return read;
+}
 vktBool_t vktVolumeFileGood(vktVolumeFile file) { return file != nullptr && file->volume ? VKT_TRUE : VKT_FALSE; }
 
 void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const* mode) {
@@ -74,6 +134,7 @@ void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const* mode)
 }
 vktDataSource vktRawFileGetBase(vktRawFile file) { return vktVolumeFileGetBase(file); }
 void vktRawFileDestroy(vktRawFile file) { vktVolumeFileDestroy(file); }
+size_t vktRawFileRead(vktRawFile file, char* buf, size_t len) { return vktVolumeFileRead(file, buf, len); }
 vktBool_t vktRawFileGood(vktRawFile file) { return vktVolumeFileGood(file); }
 vktVec3i_t vktRawFileGetDims3iv(vktRawFile file) { return vktVolumeFileGetHeader(file).dims; }
 vktDataFormat vktRawFileGetDataFormat(vktRawFile file) { return vktVolumeFileGetHeader(file).dataFormat; }
@@ -91,23 +152,37 @@ void vktInputStreamDestroy(vktInputStream stream) { delete stream; }
 vktError vktInputStreamReadSV(vktInputStream stream, vktStructuredVolume volume) {
     return run("vktInputStreamReadSV", [&] {
         needed(volume, "volume");
-        c::need(stream, "stream");
-        vktVolumeFile_impl const& file = *stream->source;
-        if (file.mode == vktOpenModeWrite) throw Failed{vktInvalidDataSource};
-        if (!file.volume) throw Failed{vktReadError};
+        vktVolumeFile_impl& file = readable(stream);
+        if (file.position > 0) return read_next(file, volume, whole(volume));
         vkt_description d = description_of(file.volume.get());
         if (d.hierarchical != 0)
             throw Error(ErrorKind::usage, text("'", file.path, "' holds bricks"), "make a grid of it: vkt resample");
         if (format_of(d.dtype) != volume->format) return paste(volume, file.volume.get(), {});
         vkt_description const like = description_of(volume->volume.get());
-        void const* voxels = nullptr;
-        vkt_volume* stored = nullptr;
+        vkt_volume* mapped = nullptr;
         d.slope = like.slope;
         d.intercept = like.intercept;
-        if (vkt_voxels(file.volume.get(), &voxels, nullptr) != VKT_OK || vkt_create(&d, voxels, &stored) != VKT_OK)
-            throw Failed{vktReadError};
-        Owned const owned(stored);
-        paste(volume, stored, {});
+        if (vkt_create(&d, stored(file).data, &mapped) != VKT_OK) throw Failed{vktReadError};
+        Owned const owned(mapped);
+        paste(volume, mapped, {});
+    });
+}
+
+vktError vktInputStreamReadRangeSV(vktInputStream stream, vktStructuredVolume volume, int32_t firstX, int32_t firstY,
+                                   int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ) {
+    return run("vktInputStreamReadRangeSV", [&] {
+        needed(volume, "volume");
+        read_next(readable(stream), volume, range(firstX, firstY, firstZ, lastX, lastY, lastZ));
+    });
+}
+
+vktError vktInputStreamSeek(vktInputStream stream, size_t pos) {
+    return run("vktInputStreamSeek", [&] {
+        vktVolumeFile_impl& file = readable(stream);
+        size_t const bytes = stored(file).size;
+        if (pos > bytes)
+            throw Error(ErrorKind::usage, text("'", file.path, "' has ", bytes, " bytes of voxels, not ", pos));
+        file.position = pos;
     });
 }
 

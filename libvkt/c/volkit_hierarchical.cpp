@@ -114,6 +114,22 @@ void vktHierarchicalVolumeCreate(vktHierarchicalVolume* volume, vktBrick_t* bric
         *volume = made.release();
     });
 }
+void vktHierarchicalVolumeCreateCopy(vktHierarchicalVolume* volume, vktHierarchicalVolume rhs) {
+    if (volume != nullptr) *volume = nullptr;
+    volkit::attempt([&] {
+        c::need(volume, "volume");
+        auto copy = std::make_unique<vktHierarchicalVolume_impl>();
+        copy->volume.reset(c::wrapped(needed(rhs)->volume->volume)); // of the same cells, until one of them is written
+        copy->bricks = rhs->bricks;
+        copy->lowest = rhs->lowest;
+        copy->format = rhs->format;
+        copy->low = rhs->low;
+        copy->high = rhs->high;
+        rhs->own = false;
+        *volume = copy.release();
+    });
+}
+
 void vktHierarchicalVolumeDestroy(vktHierarchicalVolume volume) { delete volume; }
 
 vktVec3i_t vktHierarchicalVolumeGetDims3iv(vktHierarchicalVolume volume) {

@@ -176,6 +176,7 @@ void vktLookupTableSetData(vktLookupTable lut, uint8_t* data) {
 }
 uint8_t* vktLookupTableGetData(vktLookupTable lut) { return lut == nullptr ? nullptr : lut->data.data(); }
 size_t vktLookupTableGetSizeInBytes(vktLookupTable lut) { return lut == nullptr ? 0 : lut->data.size(); }
+void vktLookupTableMigrate(vktLookupTable) {}
 vktResourceHandle vktLookupTableGetResourceHandle(vktLookupTable lut) {
     return lut == nullptr ? static_cast<vktResourceHandle>(-1) : lut->handle;
 }

@@ -227,6 +227,10 @@ vktBox3f_t vktStructuredVolumeGetObjectBounds(vktStructuredVolume volume) {
             {static_cast<float>(n.x) * dist.x, static_cast<float>(n.y) * dist.y, static_cast<float>(n.z) * dist.z}};
 }
 
+vktBox3f_t vktStructuredVolumeGetWorldBounds(vktStructuredVolume volume) {
+    return vktStructuredVolumeGetObjectBounds(volume);
+}
+
 uint8_t* vktStructuredVolumeGetData(vktStructuredVolume volume) {
     uint8_t* data = nullptr;
     volkit::attempt([&] { data = writable(needed(volume, "volume")); });

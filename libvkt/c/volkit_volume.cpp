@@ -11,6 +11,8 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <utility>
 
 namespace vkt::volkit {
@@ -219,3 +221,11 @@ Box whole(vktStructuredVolume volume) { return box_of(dims_of(volume->volume.get
 Box within(Box const& box, vktStructuredVolume volume) { return intersect(box, whole(volume)); }
 
 } // namespace vkt::volkit
+
+void vktAllocate(void** ptr, size_t size) {
+    if (ptr != nullptr) *ptr = std::malloc(size);
+}
+void vktFree(void* ptr) { std::free(ptr); }
+void vktMemcpy(void* dst, void const* src, size_t size, vktCopyKind) {
+    if (size > 0) std::memcpy(dst, src, size);
+}

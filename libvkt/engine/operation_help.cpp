@@ -115,6 +115,7 @@ std::string operation_help(std::string_view name) {
     bool const among_arguments = !operation->input_names().empty();
     Json result;
     result["name"] = std::string(name);
+    result["alias_of"] = std::string(operation_name(name) == name ? "" : operation_name(name));
     result["summary"] = texts.summary;
     result["description"] = texts.description;
     result["accuracy"] = accuracy;

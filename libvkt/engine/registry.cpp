@@ -16,7 +16,8 @@ namespace {
 
 RegisteredOperation const* find_operation(std::string_view name) {
     auto const& list = operations();
-    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.name == name; });
+    auto const found =
+        std::ranges::find(list, operation_name(name), [](RegisteredOperation const& entry) { return entry.name; });
     return found == list.end() ? nullptr : &*found;
 }
 
@@ -29,9 +30,21 @@ std::size_t words_of_name(std::vector<std::string> const& words) {
 
 } // namespace
 
+std::vector<OperationAlias> const& operation_aliases() {
+    static std::vector<OperationAlias> const aliases{{"edit", "set"}, {"reorient", "permute"}};
+    return aliases;
+}
+
+std::string_view operation_name(std::string_view name) {
+    for (auto const& alias : operation_aliases())
+        if (alias.name == name) return alias.operation;
+    return name;
+}
+
 std::unique_ptr<Operation> make_operation(std::string_view name) {
     if (auto const* const entry = find_operation(name)) return entry->make();
-    auto const names = collect(operations(), [](RegisteredOperation const& entry) { return std::string(entry.name); });
+    auto names = collect(operations(), [](RegisteredOperation const& entry) { return std::string(entry.name); });
+    for (auto const& alias : operation_aliases()) names.emplace_back(alias.name);
     std::string const near = nearest_name(name, names);
     throw Error(ErrorKind::usage, text("'", name, "' is not an operation"),
                 near.empty() ? text("known are ", join(names, ", ")) : text("did you mean '", near, "'?"));
@@ -128,7 +141,7 @@ struct Prepared {
 
 Prepared prepare(std::vector<std::string> words, std::vector<Volume> inputs, CallOptions const& call) {
     std::size_t const n = words_of_name(words);
-    std::string const name = n == 1 ? words[0] : words[0] + " " + words[1];
+    std::string const name(operation_name(n == 1 ? words[0] : words[0] + " " + words[1]));
     words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
     Prepared prepared;
     prepared.operation = make_operation(name);

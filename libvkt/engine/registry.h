@@ -16,7 +16,15 @@ namespace vkt {
 
 /// All operations by name; generated from the VKT_OPERATION lines in operations/.
 std::vector<RegisteredOperation> const& operations();
-/// Throws Error{usage}, with a suggestion, for unknown names.
+/// Another name that people look for.
+struct OperationAlias {
+    std::string_view name, operation;
+};
+/// Names that the commands, C API and Python know besides: "reorient" is "permute".
+std::vector<OperationAlias> const& operation_aliases();
+/// The name of the operation that an alias stands for; any other name as it is.
+std::string_view operation_name(std::string_view name);
+/// By name or alias. Throws Error{usage}, with a suggestion, for unknown names.
 std::unique_ptr<Operation> make_operation(std::string_view name);
 
 /// The words that the history keeps of an operation, with placeholders for its inputs (see StageInfo).

@@ -7,6 +7,7 @@ import inspect
 import pathlib
 import re
 import sys
+import typing
 
 sys.path.pop(0)  # the sources beside this script, which have no library
 import vkt  # noqa: E402
@@ -24,7 +25,8 @@ def annotation(value):
     if value is inspect.Parameter.empty:
         return None
     text = value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
-    text = text.replace("numpy.ndarray", "np.ndarray").replace("vkt.Volume", "Volume")
+    text = re.sub(r"\bvkt\.(?=[A-Z])", "", text.replace("numpy.ndarray", "np.ndarray"))
+    text = re.sub(r"(?<![\w.])slice\b", "builtins.slice", text)  # slice() is an operation
     return text.replace("np.ndarray", "Array").replace("numpy.dtype", "np.dtype[Any]")
 
 
@@ -62,6 +64,13 @@ def picture_stub(first, indent=""):
 
 
 def stub(function, name=None, indent=""):
+    forms = [one_stub(form, name, indent) for form in typing.get_overloads(function)] or [one_stub(function, name, indent)]
+    forms += [one_stub(function, name, indent, alias) for alias in getattr(function, "spelled", ())]
+    return "\n".join(f"{indent}@overload\n{form}" for form in forms) if len(forms) > 1 else forms[0]
+
+
+def one_stub(function, name, indent, alias=None):
+    """`alias`: another name of an argument, as which it is given by name."""
     if function.__name__ == "render":
         return picture_stub("self" if indent else "volume: Volume", indent)
     signature = inspect.signature(function)
@@ -69,6 +78,9 @@ def stub(function, name=None, indent=""):
     parameters, starred = [], False
     for parameter in signature.parameters.values():
         text = parameter.name
+        if alias and function.spelled[alias] == parameter.name:
+            parameters.append("*")
+            text, starred = alias, True
         if parameter.kind is parameter.VAR_POSITIONAL:
             text, starred = "*" + text, True
         elif parameter.kind is parameter.VAR_KEYWORD:
@@ -95,7 +107,7 @@ def class_stub(cls):
             lines.append("    @property")
             lines.append(f"    def {name}(self) -> {annotation(inspect.signature(member.fget).return_annotation)}: ...")
         elif inspect.isfunction(member) and (not name.startswith("_") or name in (
-                "__init__", "__len__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "__enter__", "__exit__",
+                "__init__", "__len__", "__iter__", "__getitem__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "__enter__", "__exit__",
                 "_repr_html_")):
             lines.append(stub(member, name, "    "))
     return "\n".join(lines) + "\n"
@@ -109,15 +121,15 @@ def stubs():
         lines = [stub(getattr(module, function)) for function in module.__all__]
         files[name + ".pyi"] = (HEAD + IMPORTS.replace("Iterable, Iterator, ", "").replace(", overload", "") +
                                 "from . import Array, DType, Integers, Numbers, Region, Value, Volume\n\n" + "\n".join(lines) + "\n")
-    classes = [class_stub(c) for c in (vkt.Error, vkt.Surface, vkt.Volume, vkt.policy)]
+    classes = [class_stub(c) for c in (vkt.Error, vkt.Series, vkt.Surface, vkt.Volume, vkt.policy)]
     functions = sorted(name for name, value in vars(vkt).items()
                        if inspect.isfunction(value) and not name.startswith("_"))
     aliases = ("Array = np.ndarray[Any, np.dtype[Any]]\n"
                "Numbers = Sequence[SupportsFloat] | Array\nIntegers = Sequence[SupportsIndex] | Array\n"
                "Value = str | SupportsFloat | Numbers | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
-               "Region = str | Sequence[slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
+               "Region = str | Sequence[builtins.slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
                "__version__: str\n")
-    files["__init__.pyi"] = (HEAD + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
+    files["__init__.pyi"] = (HEAD + "import builtins\n" + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
                              "\n".join(classes) + "\n" + "\n".join(stub(getattr(vkt, name)) for name in functions) + "\n")
     return files
 

@@ -1,5 +1,5 @@
-/* How calls run and how they end: policy, progress, cancel. calls policy | calls watch FILE | calls cancel FILE
-   SPDX-License-Identifier: MIT */
+/* How calls run and how they end: policy, progress, cancel. calls policy | calls watch FILE | calls cancel FILE | calls
+   even SPDX-License-Identifier: MIT */
 #define _POSIX_C_SOURCE 200809L
 #include "libvkt/c/vkt.h"
 
@@ -217,10 +217,48 @@ static int surface(void) {
     return 0;
 }
 
+struct steps {
+    int calls;
+    double told[4096];
+};
+
+static int noted(double done, void* user) {
+    struct steps* const s = user;
+    if (s->calls < 4096) s->told[s->calls++] = done;
+    return 0;
+}
+
+/* What takes several passes over the voxels tells of all of them: not near the end after the first. */
+static int even(void) {
+    static struct steps s;
+    vkt_volume *volume = NULL, *result = NULL;
+    char* json = NULL;
+    MUST(vkt_apply(WORDS("make", "noise", "--dims", "200", "200", "200", "--dtype", "uint16"), NULL, 0, &volume) ==
+         VKT_OK);
+    vkt_volume const* const both[] = {volume, volume};
+    vkt_set_progress(noted, &s);
+    double begin = now();
+    MUST(vkt_measure(WORDS("diff", "--ssim"), both, 2, &json) == VKT_OK);
+    double took = now() - begin;
+    MUST(s.calls >= 10 || took < 0.5);
+    MUST(s.calls < 40 || (s.told[s.calls / 4] < 0.5 && s.told[s.calls / 2] > 0.2 && s.told[s.calls - 1] > 0.9));
+    vkt_free_text(json);
+    s.calls = 0;
+    begin = now();
+    MUST(vkt_apply(WORDS("clahe", "--threads", "1"), both, 1, &result) == VKT_OK);
+    took = now() - begin;
+    MUST(s.calls >= 10 || took < 0.5);
+    vkt_set_progress(NULL, NULL);
+    vkt_free(result);
+    vkt_free(volume);
+    return 0;
+}
+
 int main(int argc, char** argv) {
     struct watch w = {0, 0, 0, 0, 0, pthread_self(), 0};
     if (argc == 2 && strcmp(argv[1], "policy") == 0) return policy();
     if (argc == 2 && strcmp(argv[1], "surface") == 0) return surface();
+    if (argc == 2 && strcmp(argv[1], "even") == 0) return even();
     if (argc == 3 && strcmp(argv[1], "watch") == 0) return all_calls(argv[2], &w, VKT_OK);
     if (argc == 3 && strcmp(argv[1], "cancel") == 0) return cancel(argv[2]);
     return 2;

@@ -438,6 +438,53 @@ static void pictures(void) {
     vktStructuredVolumeDestroy(a);
 }
 
+/* A file of uint8 of 24 x 20 x 16 voxels, read piece by piece. */
+static void regions(char const* name) {
+    size_t const slice = 24 * 20, all = slice * 16;
+    uint8_t* bytes = NULL;
+    vktRawFile file = NULL;
+    vktInputStream from = NULL;
+    vktStructuredVolume three = made(24, 20, 3, vktDataFormatUInt8, 0, 1);
+    vktStructuredVolume other = made(24, 20, 3, vktDataFormatUInt16, 0, 1);
+    vktBox3f_t const bounds = vktStructuredVolumeGetWorldBounds(three);
+    MUST(bounds.min.x == 0 && bounds.max.x == 24 && bounds.max.z == 3);
+    vktAllocate((void**)&bytes, all);
+    vktRawFileCreateS(&file, name, "r");
+    MUST(bytes != NULL && vktRawFileRead(file, (char*)bytes, 1000) == 1000);
+    MUST(vktVolumeFileRead(file, (char*)bytes + 1000, 2 * all) == all - 1000 && vktRawFileRead(file, NULL, 1) == 0);
+    uint8_t* copy = NULL;
+    vktAllocate((void**)&copy, all);
+    vktMemcpy(copy, bytes, all, vktCopyKindHostToHost);
+    MUST(memcmp(copy, bytes, all) == 0);
+    vktFree(copy), vktFree(NULL);
+    vktInputStreamCreate(&from, vktRawFileGetBase(file));
+    /* Slices 5 to 7, then the next three. */
+    MUST(vktInputStreamSeek(from, 5 * slice) == vktNoError);
+    for (int first = 5; first < 9; first += 3) {
+        MUST(vktInputStreamReadSV(from, three) == vktNoError);
+        MUST(memcmp(vktStructuredVolumeGetData(three), bytes + (size_t)first * slice, 3 * slice) == 0);
+    }
+    /* The first 24 bytes as a region of 4 x 3 x 2 voxels; the others stay. */
+    MUST(vktFillSV(three, 1) == vktNoError && vktInputStreamSeek(from, 0) == vktNoError);
+    MUST(vktInputStreamReadRangeSV(from, three, 2, 3, 1, 6, 6, 3) == vktNoError);
+    for (int z = 0; z < 3; ++z)
+        for (int y = 0; y < 20; ++y)
+            for (int x = 0; x < 24; ++x) {
+                int const inside = x >= 2 && x < 6 && y >= 3 && y < 6 && z >= 1;
+                uint8_t const want = inside ? bytes[x - 2 + 4 * (y - 3 + 3 * (z - 1))] : 255;
+                MUST(vktStructuredVolumeGetData(three)[x + 24 * (y + 20 * z)] == want);
+            }
+    MUST(vktInputStreamReadSV(from, other) == vktInvalidValue && strstr(vkt_error(), "uint8") != NULL);
+    MUST(vktInputStreamReadRangeSV(from, three, 20, 0, 0, 25, 1, 1) == vktInvalidValue);
+    MUST(vktInputStreamSeek(from, all + 1) == vktInvalidValue && vktInputStreamSeek(from, all - 5) == vktNoError);
+    MUST(vktInputStreamReadRangeSV(from, three, 0, 0, 0, 6, 1, 1) == vktReadError);
+    MUST(vktInputStreamReadRangeSV(from, three, 0, 0, 0, 5, 1, 1) == vktNoError);
+    MUST(memcmp(vktStructuredVolumeGetData(three), bytes + all - 5, 5) == 0);
+    vktLookupTableMigrate(NULL);
+    vktInputStreamDestroy(from), vktRawFileDestroy(file), vktFree(bytes);
+    vktStructuredVolumeDestroy(three), vktStructuredVolumeDestroy(other);
+}
+
 static void trees(void) {
     /* A coarse brick of 2 x 2 x 2 cells, each 2 wide, and a fine one beside it, whose cells come first in memory. */
     vktBrick_t const bricks[2] = {{{-2, 0, 0}, {2, 2, 2}, 64, 1}, {{2, 0, 0}, {4, 4, 4}, 0, 0}};
@@ -463,6 +510,15 @@ static void trees(void) {
     for (int i = 0; i < 8; ++i) MUST(data[64 + i] == (i % 2 == 1 && i / 2 % 2 == 0 ? 255 : 51));
     data[64] = 7;
     MUST(vktHierarchicalVolumeGetData(tree)[64] == 7);
+    vktHierarchicalVolume copy = NULL, of_none = tree;
+    vktHierarchicalVolumeCreateCopy(&copy, tree);
+    MUST(copy != NULL && vktHierarchicalVolumeGetNumBricks(copy) == 2 && vktHierarchicalVolumeGetDims3iv(copy).x == 8);
+    MUST(memcmp(vktHierarchicalVolumeGetData(copy), vktHierarchicalVolumeGetData(tree), 72) == 0);
+    vktHierarchicalVolumeGetData(copy)[64] = 9; /* each has cells of its own */
+    MUST(vktHierarchicalVolumeGetData(tree)[64] == 7 && vktHierarchicalVolumeGetData(copy)[64] == 9);
+    vktHierarchicalVolumeDestroy(copy);
+    vktHierarchicalVolumeCreateCopy(&of_none, NULL);
+    MUST(of_none == NULL);
     vktHierarchicalVolumeSetVoxelMapping2f(tree, -1, 1);
     MUST(vktHierarchicalVolumeGetVoxelMapping2fv(tree).x == -1 && vktHierarchicalVolumeGetData(tree)[64] == 7);
     MUST(vktFillRangeHV(tree, 2, 0, 0, 3, 1, 1, -1) == vktNoError && vktHierarchicalVolumeGetData(tree)[0] == 0);
@@ -484,6 +540,7 @@ int main(int argc, char** argv) {
                        {"arithmetic", arithmetic}, {"measures", measures}, {"bricks", bricks},
                        {"policies", policies},     {"pictures", pictures}, {"trees", trees}};
     if (argc == 3 && strcmp(argv[1], "files") == 0) return files(argv[2]), 0;
+    if (argc == 3 && strcmp(argv[1], "regions") == 0) return regions(argv[2]), 0;
     for (size_t i = 0; argc == 2 && i < sizeof tests / sizeof *tests; ++i)
         if (strcmp(argv[1], tests[i].name) == 0) return tests[i].test(), 0;
     return 2;

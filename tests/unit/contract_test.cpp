@@ -8,6 +8,7 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -353,6 +354,21 @@ TEST(Contract, VolumesBeginAnew) {
         counts[name] = false;
     for (auto const& [name, has] : counts)
         EXPECT_TRUE(!has || counted[name] > 0) << name << " counted nothing here: ask it for something that it counts";
+}
+
+TEST(Contract, AliasesNameOperations) {
+    for (OperationAlias const& alias : operation_aliases()) {
+        EXPECT_EQ(make_operation(alias.name)->name(), alias.operation);
+        EXPECT_EQ(operation_name(alias.name), alias.operation);
+        EXPECT_TRUE(std::ranges::none_of(operations(), [&](auto const& one) { return one.name == alias.name; }));
+    }
+    EXPECT_EQ(operation_name("flip"), "flip");
+    try {
+        (void)make_operation("reorent");
+        FAIL() << "taken";
+    } catch (Error const& e) {
+        EXPECT_NE(e.hint().find("'reorient'"), std::string::npos) << e.hint();
+    }
 }
 
 } // namespace

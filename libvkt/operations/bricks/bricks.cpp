@@ -211,6 +211,13 @@ BrickPlace BrickLattice::place(std::int64_t brick) const {
     return place;
 }
 
+void BrickOptions::declare(Parameters& p) {
+    p.option("size", size, "N|X,Y,Z", "voxels of a brick, the last ones may have fewer (64)");
+    p.option("ghost", ghost, "N|X,Y,Z", "voxels that a brick has of its neighbours, on every side (0)");
+    p.option("boundary", boundary, "RULE",
+             "ghosts also outside of the volume: mirror, clamp, wrap or border[:VALUE]; without it they end there");
+}
+
 void say_place(Header& header, BrickPlace const& place) {
     header.attributes[whole_key] = to_text(place.whole);
     header.attributes[core_key] = to_text(place.core);

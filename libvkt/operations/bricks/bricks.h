@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/boundary_rule.h"
+#include "libvkt/core/parameters.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/operations/voxels/pad.h"
 
@@ -60,6 +61,8 @@ struct BrickOptions {
     BrickSize size;
     Padding ghost;
     std::optional<BoundaryRule> boundary; ///< continues the whole in ghosts outside of it; none: they end at its faces
+
+    void declare(Parameters& p);
 };
 
 /// The bricks of every volume of a source, one after the other, each a volume with the geometry of its place. Bricks of

@@ -3,6 +3,7 @@
 #include "libvkt/operations/shape/distance.h"
 
 #include "libvkt/core/products.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/shape/kernels/distance.h"
@@ -11,6 +12,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -137,6 +140,7 @@ void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution c
     rows.whole = steps_.whole;
     rows.both_sides = both;
     rows.weight = steps_.weights[0];
+    std::optional<ProgressPart> share(std::in_place, execution.monitor, 0.0, 0.2);
     distance_rows(inputs[0].part(region_).moved_to({}), out, rows, execution);
     nan_ = rows.nan;
     none_ = rows.objects == out.box.voxels() || (both && rows.objects == 0);
@@ -145,11 +149,13 @@ void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution c
     pass.both_sides = both;
     pass.weight = steps_.weights[1];
     pass.weight_before = steps_.whole ? 0 : steps_.weights[0];
+    share.emplace(execution.monitor, 0.2, 0.4);
     distance_pass(out, pass, execution);
     pass.axis = Axis::z;
     pass.weight = steps_.weights[2];
     pass.weight_before = 0;
     pass.unit = steps_.unit;
+    share.emplace(execution.monitor, 0.6, 0.4);
     distance_pass(out, pass, execution);
 }
 

@@ -15,17 +15,20 @@ from . import _operations
 from ._library import Error, version as __version__
 from ._operations import apply, operations, transform, trim
 from ._picture import render
+from ._pieces import brick, merge, split, stack
 from ._policy import policy
+from ._series import Series, read_series, write_series
 from ._stream import read_stream, write_stream
 from ._surface import Surface, surface
 from ._volume import Volume, from_dlpack, read
 from ._xarray import from_xarray, to_xarray
 
-for _public in Error, Surface, Volume, policy:  # as messages and pickles name them
+for _public in Error, Series, Surface, Volume, policy:  # as messages and pickles name them
     _public.__module__ = __name__
 globals().update(_operations.functions([], __name__))
 
 from . import filter, make  # noqa: E402
 
-__all__ = ["Error", "Surface", "Volume", "apply", "filter", "from_dlpack", "from_xarray", "make", "operations", "policy",
-           "read", "read_stream", "render", "surface", "to_xarray", "transform", "trim", "write_stream"]
+__all__ = ["Error", "Series", "Surface", "Volume", "apply", "brick", "filter", "from_dlpack", "from_xarray", "make", "merge",
+           "operations", "policy", "read", "read_series", "read_stream", "render", "split", "stack", "surface", "to_xarray",
+           "transform", "trim", "write_series", "write_stream"]

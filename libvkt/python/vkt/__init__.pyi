@@ -1,5 +1,6 @@
 # Written by libvkt/python/stubs.py from the registry; do not edit.
 # SPDX-License-Identifier: MIT
+import builtins
 import os
 from typing import Any, Iterable, Iterator, Literal, Mapping, Sequence, SupportsFloat, SupportsIndex, overload
 
@@ -12,13 +13,22 @@ Numbers = Sequence[SupportsFloat] | Array
 Integers = Sequence[SupportsIndex] | Array
 Value = str | SupportsFloat | Numbers | os.PathLike[str]
 DType = str | type | np.dtype[Any]
-Region = str | Sequence[slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array
+Region = str | Sequence[builtins.slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array
 __version__: str
 
 class Error(Exception):
     exit_code: int
     hint: str
     def __init__(self, message: str, exit_code: int, hint: str = '') -> None: ...
+
+class Series:
+    def __init__(self, path: str | os.PathLike[str], options: dict[str, Any], numbers: range | None = None) -> None: ...
+    def __iter__(self) -> Iterator[Volume]: ...
+    def __len__(self) -> int: ...
+    @overload
+    def __getitem__(self, which: int) -> Volume: ...
+    @overload
+    def __getitem__(self, which: builtins.slice) -> Series: ...
 
 class Surface:
     report: Any
@@ -111,6 +121,7 @@ def arith(
     c: Volume | SupportsFloat | None = None, *, dtype: DType | None = None, device: Value = 'auto',
     threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
+def brick(volume: Volume, **options: Any) -> list[Volume]: ...
 def clahe(
     volume: Volume, *, clip: SupportsFloat | None = None,
     clip_as: Literal['opencv', 'skimage', 'volkit', 'pizer'] = 'opencv', bricks: Integers = (8, 8, 8),
@@ -161,6 +172,14 @@ def dump_range(
     input: Volume | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
+def edit(
+    volume: Volume, *, spacing: SupportsFloat | Numbers | None = None, dist: Numbers | None = None,
+    origin: SupportsFloat | Numbers | None = None, direction: Value | None = None, units: Value | None = None,
+    slope: SupportsFloat | None = None, intercept: SupportsFloat | None = None, voxel_mapping: Numbers | None = None,
+    attribute: str | Sequence[str] | Mapping[str, Any] | None = None, dims: Integers | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
+) -> Volume: ...
 def fill(
     volume: Volume, *, value: SupportsFloat = 0.0, roi: Region | None = None, first: Integers | None = None,
     last: Integers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
@@ -201,6 +220,7 @@ def label(
     roi: Region | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
+def merge(bricks: Iterable[Volume]) -> Volume: ...
 def mesh(
     volume: Volume, *, iso: SupportsFloat | None = None, label: SupportsIndex | Integers | None = None,
     labels: bool = False, roi: Region | None = None, open: bool = False, device: Value = 'auto',
@@ -218,8 +238,14 @@ def pad(
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
+@overload
 def permute(
     volume: Volume, order: Value, *, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
+) -> Volume: ...
+@overload
+def permute(
+    volume: Volume, *, to: Value, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def project(
@@ -228,6 +254,7 @@ def project(
     threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def read(path: str | os.PathLike[str], **options: Any) -> Volume: ...
+def read_series(path: str | os.PathLike[str], **options: Any) -> Series: ...
 def read_stream(file: Any) -> Iterator[Volume]: ...
 def refine(
     volume: Volume, *, tolerance: SupportsFloat, metric: Literal['value', 'gradient', 'transfer'] = 'value',
@@ -240,6 +267,16 @@ def refine(
 def render(volume: Volume, *, format: Literal['uint8', 'float'] = 'uint8', **options: Any) -> Array: ...
 @overload
 def render(volume: Volume, *, format: Literal['png'], **options: Any) -> bytes: ...
+@overload
+def reorient(
+    volume: Volume, order: Value, *, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
+) -> Volume: ...
+@overload
+def reorient(
+    volume: Volume, *, to: Value, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
+) -> Volume: ...
 def resample(
     volume: Volume, *, scale: SupportsFloat | Numbers | None = None, dims: Integers | None = None,
     spacing: SupportsFloat | Numbers | None = None, like: Volume | Value | None = None,
@@ -287,6 +324,8 @@ def slice(
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
+def split(volume: Volume) -> list[Volume]: ...
+def stack(volumes: Iterable[Volume], *, force_uniform: bool = False) -> Volume: ...
 def stats(
     *volumes: Volume, roi: Region | None = None, percentiles: SupportsFloat | Numbers | None = None,
     mask: Volume | None = None, labels: Volume | None = None, per: Literal['x', 'y', 'z'] | None = None,
@@ -308,4 +347,5 @@ def watershed(
     mask: Volume | None = None, line: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
+def write_series(volumes: Iterable[Volume | Array], path: str | os.PathLike[str], **options: Any) -> None: ...
 def write_stream(file: Any, volumes: Volume | Array | Iterable[Volume | Array], **options: Any) -> None: ...

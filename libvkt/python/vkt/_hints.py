@@ -13,7 +13,7 @@ _ENDED = re.compile(r"(.*?)([;,.?)'\"]*)")
 def in_python(hint):
     """--force is force=True, --method nearest is method="nearest", --dtype is dtype=, vkt resample --like FIRST is
     vkt.resample(like=FIRST)."""
-    words, said = hint.split(" "), []
+    words, said = hint.replace("vkt_series_open()", "vkt.read_series()").split(" "), []
     while words:
         call = _call(words)
         if call:

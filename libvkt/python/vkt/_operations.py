@@ -256,6 +256,8 @@ def _documentation(operation, arguments):
         return textwrap.fill(" ".join(text.split()), 100, initial_indent=indent, subsequent_indent=indent)
 
     parts = [operation["summary"]]
+    if operation["alias_of"]:
+        parts.append(f"{python_name(operation['alias_of'])}() by another name.")
     parts += [filled(paragraph) for paragraph in operation["description"].split("\n\n") if paragraph]
     lines = ["Parameters", "----------"]
     for argument in arguments:
@@ -266,6 +268,9 @@ def _documentation(operation, arguments):
             help_ = ""
         if help_:
             lines.append(filled(help_, "    "))
+        others = [python_name(alias) for alias in (argument.parameter or {}).get("aliases", [])]
+        if others and others != [argument.name]:
+            lines.append(f"    Also by the name {', '.join(others)}.")
         if argument.text.startswith("Region"):
             lines.append(filled("Also slices or pairs in the order x, y, z, which is not that of the array: "
                                 "numpy.s_[0:10, :, 4:], ((0, 10), (0, 20), (4, 9)).", "    "))
@@ -294,11 +299,18 @@ def function_of(name, module):
     head, volume_class = name.split(), types["Volume"]
     in_order = [argument for argument in arguments if argument.kind is not inspect.Parameter.KEYWORD_ONLY]
     several = in_order[-1] if in_order and in_order[-1].kind is inspect.Parameter.VAR_POSITIONAL else None
+    spelled = {python_name(alias): argument.name for argument in arguments if argument.parameter
+               for alias in argument.parameter["aliases"] if python_name(alias) not in by_name}
     required = [argument.name for argument in arguments
                 if argument.default is inspect.Parameter.empty and argument is not several]
 
     def function(*given, **options):
         # What signature.bind() does, in a tenth of the time; it finds the words for what is wrong.
+        if not spelled.keys().isdisjoint(options):
+            renamed = {spelled.get(key, key): value for key, value in options.items()}
+            if len(renamed) < len(options):
+                raise TypeError(f"{name}: an argument is given by two of its names")
+            options = renamed
         named = {argument.name for argument, _ in zip(in_order, given)}
         right = (several or len(given) <= len(in_order)) and options.keys() <= by_name.keys() - named and all(
             name in named or name in options for name in required) and not (several and several.name in options)
@@ -323,6 +335,7 @@ def function_of(name, module):
                                 "return": signature.return_annotation}
     function.__doc__ = _documentation(operation, arguments)
     function.texts = {argument.name: argument.text for argument in arguments}  # for stubs
+    function.spelled = {alias: name for alias, name in spelled.items() if by_name[name].parameter["positional"]}
     return function
 
 

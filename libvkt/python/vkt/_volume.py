@@ -42,7 +42,8 @@ def _create(header, array, in_place):
 class Volume:
     """A volume: voxels, where they lie in the world, and what their values mean. It cannot be changed.
 
-    Volume(array) takes a copy of an array [z, y, x]; with copy=False it uses the array in place, if that is contiguous
+    Volume(array) takes a copy of an array [z, y, x], since whoever else has the array may change it, and a volume is what
+    its history says; with copy=False it uses the array in place, if that is contiguous
     and in the byte order of the machine, and the array must not change as long as the volume and what was made of it
     exist. Geometry and values are given by name or taken from another volume, `like`. dims, spacing and origin are in the
     order x, y, z; the columns of the 3 x 3 matrix direction are the world directions in which x, y and z grow, so that
@@ -308,7 +309,7 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     """The volume of a file of any format that vkt knows, or of a segment of shared memory, "shm:NAME", which is mapped
     and not copied. Options are those of `vkt read`: dims, dtype, skip, endian, spacing, format, variable, roi,
     personal, and trust_paths=True for headers that may name files anywhere; and index, counted from 0, for a file that
-    holds several volumes. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
+    holds several volumes, which read_series() reads all. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
     handle = ctypes.c_void_p()
     check(library.vkt_read(os.fsencode(path), *words_of(option_words(options)), ctypes.byref(handle)))
     return Volume._of(handle)
