@@ -36,19 +36,8 @@ bool is_empty(Image const& image) {
 
 /// All that decides what is prepared.
 PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
-    return {s.algorithm,
-            s.transfer,
-            s.lut,
-            s.colormap,
-            s.opacity,
-            s.domain,
-            s.unit,
-            s.opacity_scale,
-            s.shade,
-            s.isos,
-            s.iso_colors,
-            s.iso_opacities,
-            draws_labels(s, header),
+    return {s.algorithm,     s.transfer, s.lut,  s.colormap,   s.opacity,       s.domain,      s.unit,
+            s.opacity_scale, s.shade,    s.isos, s.iso_colors, s.iso_opacities, s.chosen_from, draws_labels(s, header),
             s.skip};
 }
 
@@ -276,7 +265,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
-        content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
+        content = tree_ ? tree_->box_of(cells) : visible_box(cells, header_.dims);
     // A grid may hold more than the part of a tree that there is.
     if (content = intersect(content, region_); content.empty()) content = region_;
     if (!settings.clip.empty()) {
@@ -285,8 +274,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         content = within.empty() ? clip : within;
     }
     std::vector<Vec3> points;
-    if (!tree_ && settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
-        points = visible_corners(cells, {lattice_.cells.nx, lattice_.cells.ny, lattice_.cells.nz}, header_.geometry,
+    if (settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
+        points = visible_corners(cells, tree_ ? places_of(tree_->cells()) : places_of(lattice_.cells), header_.geometry,
                                  content);
     if (points.empty()) {
         auto const corners = corners_of(header_.geometry, content);

@@ -12,6 +12,8 @@
 #include <algorithm>
 #include <cstdint>
 #include <exception>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace vkt::shell::viewer {
@@ -27,7 +29,12 @@ public:
                   [this](Header const& header) { return render::bytes_of_picture(asked_, header, {}); }),
           volumes_(source, context.execution(), asked_.tree, [this] { return opened_.open(); }) {}
 
-    std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
+    std::string name() const override {
+        std::string const volume = most_ < 2    ? ""
+                                   : count_ > 0 ? text(", volume ", shown_, " of ", count_)
+                                                : text(", volume ", shown_);
+        return text(input(), " (", volumes_.header().dims, ")", volume);
+    }
     render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
                        std::stop_token const& stop, render::Accumulation* accumulation) override {
         auto const renderer = volumes_.renderer();
@@ -48,6 +55,10 @@ public:
             s = settings_of(s, view);
             s.clip = {};
         }
+        // Of a series the first one that was whole decides, so that the others can be compared with it.
+        if (!chosen_from_ && !volumes_.partial())
+            chosen_from_ = std::make_shared<render::Histogram const>(renderer->histogram());
+        s.chosen_from = chosen_from_;
         return renderer->render(s, &report, stop, accumulation);
     }
     std::string save(render::Image const& image, render::RenderReport const& report, View const& view) override {
@@ -58,8 +69,9 @@ public:
     std::string command(View const& view) override {
         StageInfo stage = stage_of(view);
         if (stage.words.empty()) return "with --no-history there is no command line";
-        return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
-                    output_word(input(), several()));
+        Header header = volumes_.header();
+        if (names_what_is_open()) header.history.reset(); // what once made the file is not what is shown
+        return text(history_as_shell(folded(history_step(stage, {header}))), " -o ", output_word(input(), several()));
     }
     bool next() override {
         volumes_.settle();
@@ -67,6 +79,7 @@ public:
         try {
             bool const more = volumes_.next();
             if (more) most_ = std::max(most_, ++shown_);
+            if (!more) count_ = shown_;
             return more;
         } catch (std::exception const&) {
             if (most_ == 0) throw;
@@ -103,6 +116,12 @@ private:
         std::string const name = context_.stage_info().input_names.front();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
     }
+    /// Whether the input has a name by which it can be had once more: a pipe has none, but the steps that led to it.
+    bool names_what_is_open() const {
+        std::string const name = context_.stage_info().input_names.front();
+        std::error_code unknown;
+        return name != "-" && !std::filesystem::is_fifo(name, unknown);
+    }
     /// Whether the command is one of several volumes, as far as that can be known without waiting for a pipe.
     bool several() {
         bool const piped = context_.stage_info().input_names.front() == "-";
@@ -126,7 +145,9 @@ private:
     Volumes opened_;
     ArrivingVolumes volumes_;
     std::exception_ptr failure_;
+    std::shared_ptr<render::Histogram const> chosen_from_; ///< what colours and the like are chosen from
     std::int64_t shown_ = 0, most_ = 0; ///< number of the volume that is shown, from 1, and the highest so far
+    std::int64_t count_ = 0;            ///< of all of them, once it is known
 };
 
 } // namespace
