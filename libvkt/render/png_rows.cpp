@@ -141,6 +141,7 @@ std::vector<std::vector<unsigned char>> packed_rows(PngRows const& rows, int lev
     std::exception_ptr failure;
     int const crew = std::clamp(threads, 1, count);
     std::vector<Packer> packers; // made here, where it may be said that there is no memory
+    packers.reserve(static_cast<std::size_t>(crew));
     for (int t = 0; t < crew; ++t) packers.emplace_back(rows, level);
 #pragma omp parallel for num_threads(crew) schedule(dynamic, 4)
     for (int i = 0; i < count; ++i) {

@@ -17,8 +17,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <mutex>
+#include <sys/mman.h>
 
 namespace vkt::render {
 
@@ -26,6 +28,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// So many zeros, in huge pages where there are many: touching small ones takes seconds of the largest pictures, in
+/// which nobody hears that they are to stop.
+void make_room(std::vector<float>& pixels, std::size_t count) {
+    pixels.reserve(count);
+    constexpr std::uintptr_t page = std::uintptr_t{2} << 20;
+    auto const begin = reinterpret_cast<std::uintptr_t>(pixels.data()), end = begin + count * sizeof(float);
+    std::uintptr_t const first = (begin + page - 1) / page * page;
+    if (end > first + page) ::madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE); // advice only
+    pixels.resize(count);
+}
 
 /// Whether light from behind passes everywhere.
 bool is_empty(Image const& image) {
@@ -303,7 +316,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     PartRows const rows = rows_of_part(settings);
     scene.frame.top = rows.first;
     Image image{settings.width, rows.last - rows.first, {}};
-    image.pixels.resize(4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+    make_room(image.pixels, 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
     if (accumulation != nullptr && integrator == Integrator::scatter) {
         if (accumulation->samples == 0) accumulation->sums.assign(image.pixels.size(), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;
