@@ -421,6 +421,14 @@ for way in ('blocks', 'bricks'): assert abs(box(way + '.png') - grid).max() <= 8
     done
 }
 
+@test "help names every colour map that is taken" {
+    vkt help render | tr '\n' ' ' >help
+    for map in grey gray bone heat tissue flesh viridis ember coolwarm magma inferno plasma cividis turbo; do
+        grep -qw "$map" help
+        vkt make sphere --dims 8 8 8 | vkt render --colormap $map --size 8 -o $map.png
+    done
+}
+
 @test "one name takes one picture" {
     for i in 0 1; do vkt make sphere --dims 12 12 12 --dtype uint8 -o v_$i.nrrd; done
     fails_with 2 "several volumes" vkt render 'v_?.nrrd' --size 16 -o a.png
