@@ -692,6 +692,14 @@ clip_said() {
     said=$(command_of)
     echo "$said"
     [[ "$said" == 'vkt render made.vkt '*' -o made.png' ]]
+    # A part of it is cut out of the file.
+    magnifies 90 8
+    titled ' ms'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == 'vkt read made.vkt | vkt crop '*' | vkt resample '*' | vkt render '*' -o made.png' ]]
     quits
     # What comes through a pipe has no name.
     volume='- <made.vkt'

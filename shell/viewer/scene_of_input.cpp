@@ -20,6 +20,16 @@ namespace vkt::shell::viewer {
 
 namespace {
 
+/// Puts a step that reads the file in the place of those that made it.
+void read_instead(History& step, History const& made, std::string const& file) {
+    if (step == made) {
+        step = {};
+        step.command = {"read", file};
+        return;
+    }
+    for (History& input : step.inputs) read_instead(input, made, file);
+}
+
 /// What the window asks for of the volumes of an input.
 class InputScene : public Scene {
 public:
@@ -56,9 +66,10 @@ public:
             s.clip = {};
         }
         // Of a series the first one that was whole decides, so that the others can be compared with it.
-        if (!chosen_from_ && !volumes_.partial())
+        if (!chosen_from_ && !volumes_.partial() && !volumes_.magnified())
             chosen_from_ = std::make_shared<render::Histogram const>(renderer->histogram());
-        s.chosen_from = chosen_from_;
+        // A part of it is a volume of its own, as in the command that makes it.
+        if (!volumes_.magnified()) s.chosen_from = chosen_from_;
         return renderer->render(s, &report, stop, accumulation);
     }
     std::string save(render::Image const& image, render::RenderReport const& report, View const& view) override {
@@ -70,7 +81,13 @@ public:
         StageInfo stage = stage_of(view);
         if (stage.words.empty()) return "with --no-history there is no command line";
         Header header = volumes_.header();
-        if (names_what_is_open()) header.history.reset(); // what once made the file is not what is shown
+        std::optional<History> const& made = volumes_.whole_header().history;
+        if (names_what_is_open() && made) { // what once made the file is not what is shown
+            if (header.history == made)
+                header.history.reset();
+            else if (header.history) // a part of it
+                read_instead(*header.history, *made, input_name());
+        }
         return text(history_as_shell(folded(history_step(stage, {header}))), " -o ", output_word(input(), several()));
     }
     bool next() override {
@@ -112,13 +129,14 @@ private:
         if (!failure_) failure_ = failure;
         return failure != nullptr;
     }
+    std::string input_name() const { return context_.stage_info().input_names.front(); }
     std::string input() const {
-        std::string const name = context_.stage_info().input_names.front();
+        std::string const name = input_name();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
     }
     /// Whether the input has a name by which it can be had once more: a pipe has none, but the steps that led to it.
     bool names_what_is_open() const {
-        std::string const name = context_.stage_info().input_names.front();
+        std::string const name = input_name();
         std::error_code unknown;
         return name != "-" && !std::filesystem::is_fifo(name, unknown);
     }
