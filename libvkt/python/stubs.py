@@ -63,7 +63,7 @@ def picture_stub(first, indent=""):
 
 def stub(function, name=None, indent=""):
     if function.__name__ == "render":
-        return picture_stub("self" if indent else "volume: Volume | Array", indent)
+        return picture_stub("self" if indent else "volume: Volume", indent)
     signature = inspect.signature(function)
     texts = getattr(function, "texts", {})
     parameters, starred = [], False
