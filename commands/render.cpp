@@ -63,7 +63,11 @@ public:
                render::bytes_of_picture(settings, header, picture_options(output));
     }
     std::vector<std::string> explain(Header const& header, std::string const& output) const override {
-        return render::explanation(settings(), header, picture_options(output));
+        auto lines = render::explanation(settings(), header, picture_options(output));
+        if (is_numbered(output) && options_.depends_on_data())
+            lines.emplace_back("colours, opacities and surfaces that are chosen from the data are those of the first "
+                               "volume in all pictures");
+        return lines;
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
@@ -94,6 +98,9 @@ public:
             throw Error(ErrorKind::usage, "--orbit makes several pictures, but -o names one",
                         "give a place for the number: -o picture-%04d.png");
         for (std::int64_t number = 0; volumes.next();) {
+            // Of a series the first one decides, so that the others can be compared with it.
+            if (!settings.chosen_from)
+                settings.chosen_from = std::make_shared<render::Histogram const>(volumes.renderer().histogram());
             for (render::CameraRequest const& camera : cameras) {
                 settings.camera = camera;
                 render::RenderReport report;

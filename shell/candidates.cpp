@@ -42,7 +42,12 @@ std::vector<std::string> variables_of(std::vector<std::string> const& words) {
 std::vector<std::string> values_of(Parameter const& p, Invocation const& invocation,
                                    std::vector<std::string> const& words) {
     if (p.name == "device") return {"auto", "cpu", "gpu", "gpu:all"};
-    if (p.name == "colormap") return render::colormap_names();
+    if (p.name == "colormap") {
+        std::vector<std::string> maps = render::colormap_names();
+        for (std::string const& map : render::colormap_names())
+            if (auto const other = render::other_name(map); !other.empty()) maps.emplace_back(other);
+        return maps;
+    }
     if (p.name == "view") return {"oblique", "x", "-x", "y", "-y", "z", "-z"};
     if (p.name == "variable") return variables_of(words);
     if (p.name == "range" && p.choices.empty()) return {"minmax", "p1:p99"};

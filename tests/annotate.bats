@@ -36,6 +36,21 @@ for name, ink, want in ('a.png', 255, 100), ('b.png', 0, 10 * 400 / (200 * np.ta
     assert abs(length - want) <= 0.5 and at == 13, (name, length, at, want)"
 }
 
+@test "the scale bar says its unit where there is one" {
+    vkt set v.nrrd --attribute 'space units="mm" "mm" "mm"' -o mm.nrrd
+    vkt set v.nrrd --attribute 'space units="mm" "mm" "um"' -o mixed.nrrd
+    for f in v mm mixed; do
+        vkt render $f.nrrd --opacity 0,0 --projection orthographic --span 40 --size 400 --background 0,0,0 --annotate -o $f.png -q
+    done
+    /usr/bin/python3 -c "$rows
+def label(name): # columns of what is written above the bar
+    written = (rows(name)[362:379, :200].max(-1) > 128).any(0)
+    return np.flatnonzero(written)
+plain, unit, mixed = label('v.png'), label('mm.png'), label('mixed.png')
+print(np.ptp(plain), np.ptp(unit))
+assert np.ptp(unit) > 2 * np.ptp(plain) and (plain == mixed).all()"
+}
+
 @test "the colour bar has the colours of the values, and ticks where these are" {
     vkt render v.nrrd --colormap grey --opacity 0,0 --domain -10:10 --size 400 --background 0.5,0,0 --annotate -o a.png -q
     /usr/bin/python3 -c "$rows

@@ -460,6 +460,14 @@ srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 
 assert np.abs(255 * srgb - p[..., :3])[a[..., 0] > 0.01].max() <= 0.51
 assert np.abs(255 * a - p[..., 3:]).max() <= 0.51
 assert (vkt.render(volume, size=8)[..., 3] == 255).all()
+ball = np.zeros((12, 14, 16), np.uint8)
+ball[3:9, 3:9, 3:9] = 200
+assert (vkt.render(ball, size=16) == vkt.render(vkt.Volume(ball), size=16)).all()
+try:
+    vkt.render("volume.nrrd")
+    raise SystemExit("a name was taken for a volume")
+except TypeError as error:
+    assert "vkt.read" in str(error), error
 two = vkt.render(volume, size=16, render_algo="implicit-iso", iso=[volume.array.max() / 4, volume.array.max() / 2])
 assert two.shape == (16, 16, 4)
 for bad, code in ((dict(step=9), 2), (dict(sizes=3), 2), (dict(format="jpeg"), 2), (dict(noise=1), 2)):

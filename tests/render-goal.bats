@@ -53,6 +53,23 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
     timeout 60 vkt render $f --size 32 --time 0.3 -o b.png
 }
 
+@test "an interrupt ends the largest picture soon" {
+    env --default-signal=INT vkt render $f --size 16384x8192 --shade gradient --opacity 0,0.02 --step 0.01 -o a.png 2>err 3>&- &
+    pid=$!
+    sleep 4
+    begin=$(date +%s%N)
+    kill -INT $pid
+    code=0
+    wait $pid || code=$?
+    [ "$code" = 130 ]
+    milliseconds=$((($(date +%s%N) - begin) / 1000000))
+    echo "$milliseconds ms"
+    [ "$milliseconds" -lt 4000 ]
+    grep -q 'interrupted: .*not drawn' err
+    grep -q 'was: [0-9.]* s, stopped' err
+    [ "$(/usr/bin/python3 -c "import struct; print(*struct.unpack('>II', open('a.png', 'rb').read(24)[16:]))")" = "16384 8192" ]
+}
+
 @test "an interrupt saves what there is and says so" {
     # What a script starts behind it ignores interrupts, unless it is told not to.
     env --default-signal=INT vkt render $f --size 64 $cloud --spp 10000000 -o a.png 2>err 3>&- &

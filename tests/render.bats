@@ -337,6 +337,98 @@ C
     [ "$(size_of p-2.png)" = "16 16 8 2" ]
 }
 
+@test "a series has the colours of its first volume, and --explain says so" {
+    # The second one is twice as bright, and would look alike with colours of its own.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:24, 0:24, 0:24]
+ball = 100.0 * (1 - np.hypot(np.hypot(x - 12, y - 12), z - 12) / 12).clip(0)
+for n in (1, 2): (n * ball).astype('f4').tofile(f's{n}_24x24x24_float32.raw')"
+    for options in "--size 64" "--size 64 --render-algo implicit-iso" "--size 64 --render-algo maximum"; do
+        vkt render 's?_24x24x24_float32.raw' $options -o se-%d.png --force
+        for n in 1 2; do vkt render s${n}_24x24x24_float32.raw $options -o one-$n.png --force; done
+        vkt image diff one-1.png se-0.png --json | grep -q '"rmse": 0[,}]'
+        /usr/bin/python3 -c "$levels
+first, second, own = levels('se-0.png'), levels('se-1.png'), levels('one-2.png')
+print(abs(first - own).max(), abs(second - own).max())
+assert abs(first - own).max() <= 4 and abs(second - own).max() > 40"
+    done
+    vkt render 's?_24x24x24_float32.raw' --explain -o ex-%d.png 2>err
+    grep -q 'are those of the first volume in all pictures' err
+    vkt render 's?_24x24x24_float32.raw' --explain --domain 0:100 --opacity 0,0.5 -o ey-%d.png 2>err
+    ! grep -q 'those of the first volume' err || false
+    vkt render s1_24x24x24_float32.raw --explain -o ez.png 2>err
+    ! grep -q 'those of the first volume' err || false
+}
+
+@test "a face where an opaque medium is cut is shaded with its normal" {
+    vkt make constant --value 5 --dims 24 24 24 --spacing 1,1,2 -o c.nrrd
+    # Along an axis of an orthographic camera that looks at a face under a known angle.
+    for elevation in 0 30 60; do
+        vkt render c.nrrd --size 32 --projection orthographic --azimuth 0 --elevation $elevation --specular 0 --colormap grey \
+            --shade gradient --opacity 1,1 --background 0,0,0 --span 4 --target 12,-0.5,24 -o $elevation.png
+    done
+    vkt render c.nrrd --size 32 --projection orthographic --view -y --specular 0 --shade gradient --colormap grey \
+        --opacity 1,1 --background 0,0,0 --span 4 --clip-plane 1 1 0 24 -o plane.png
+    vkt render c.nrrd --size 32 --projection orthographic --view -y --colormap grey --shade none \
+        --opacity 1,1 --background 0,0,0 --span 4 -o flat.png
+    /usr/bin/python3 -c "$levels
+def light(name):
+    v = levels(name)[16, 16, 0] / 255
+    return v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055)**2.4
+flat = light('flat.png')
+assert flat > 0.1
+for angle, name in (0, '0.png'), (30, '30.png'), (60, '60.png'), (45, 'plane.png'):
+    wanted = 0.25 + 0.75 * np.cos(np.radians(angle))
+    print(name, light(name) / flat, wanted)
+    assert abs(light(name) / flat - wanted) < 0.02, name"
+}
+
+@test "faces of the AMReX sample are shaded, alike by all ways through the tree" {
+    [ -n "${VKT_DATA:-}" ] || skip "VKT_DATA does not name the folder of sample data"
+    vkt read "$VKT_DATA/amr/plt_eb_3d" --variable density -o eb.vkt
+    for way in grid blocks bricks; do vkt render eb.vkt --tree $way --size 256 -o $way.png; done
+    /usr/bin/python3 -c "$levels
+pictures = {way: levels(way + '.png') for way in ('grid', 'blocks', 'bricks')}
+for way, p in pictures.items():
+    faces = [int(p[y, x, 1]) for y, x in ((100, 60), (100, 170), (140, 225))]
+    print(way, faces)
+    assert len(set(faces)) == 3 and max(faces) - min(faces) > 20, faces
+    assert (abs(p - pictures['grid']).max(2) > 24).mean() < 0.01, (way, (abs(p - pictures['grid']).max(2) > 24).mean())"
+}
+
+@test "a tree is framed by what is visible of it, whatever way it is drawn" {
+    # A bright ball off the middle in an empty block.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:64, 0:64, 0:64]
+(200.0 * ((x - 40)**2 + (y - 24)**2 + (z - 24)**2 < 12**2)).astype('f4').tofile('ball_64x64x64_float32.raw')"
+    vkt refine ball_64x64x64_float32.raw --tolerance 1 -o ball.vkt
+    for algorithm in ray-marching implicit-iso; do
+        for way in grid blocks bricks; do
+            vkt render ball.vkt --tree $way --size 100 --render-algo $algorithm --background 0,0,0 -o $way.png --force
+        done
+        /usr/bin/python3 -c "$levels
+def box(name):
+    seen = levels(name).max(2) > 20
+    rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
+    return np.array([rows[0], rows[-1], columns[0], columns[-1]])
+grid = box('grid.png')
+print(grid, box('blocks.png'), box('bricks.png'))
+assert np.ptp(grid[:2]) > 45
+cell = np.ptp(grid[:2]) / 24 # in pixels; macrocells are 8 of them wide
+for way in ('blocks', 'bricks'): assert abs(box(way + '.png') - grid).max() <= 8 * cell / 2, way"
+    done
+}
+
+@test "help names every colour map that is taken" {
+    vkt help render | tr '\n' ' ' >help
+    for map in grey gray bone heat tissue flesh viridis ember coolwarm magma inferno plasma cividis turbo; do
+        grep -qw "$map" help
+        vkt make sphere --dims 8 8 8 | vkt render --colormap $map --size 8 -o $map.png
+    done
+}
+
 @test "one name takes one picture" {
     for i in 0 1; do vkt make sphere --dims 12 12 12 --dtype uint8 -o v_$i.nrrd; done
     fails_with 2 "several volumes" vkt render 'v_?.nrrd' --size 16 -o a.png

@@ -682,6 +682,60 @@ clip_said() {
     quits
 }
 
+@test "the command names the file that is open, not what once made it" {
+    with_display
+    vkt make noise --dims 16 16 16 --dtype uint8 | vkt filter gaussian --sigma 1 -o made.vkt
+    volume=made.vkt
+    opens
+    presses p
+    titled 'the command is in the terminal'
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == 'vkt render made.vkt '*' -o made.png' ]]
+    # A part of it is cut out of the file.
+    magnifies 90 8
+    titled ' ms'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == 'vkt read made.vkt | vkt crop '*' | vkt resample '*' | vkt render '*' -o made.png' ]]
+    quits
+    # What comes through a pipe has no name.
+    volume='- <made.vkt'
+    opens
+    presses p
+    titled 'the command is in the terminal'
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == 'vkt make noise '*' | vkt render '* ]]
+    quits
+}
+
+@test "of several volumes the title says which one is shown, and all have the colours of the first" {
+    with_display
+    for n in 1 2 3; do
+        vkt make sphere --dims 16 16 16 --dtype uint8 --inside ${n}0 --no-history -o "step$n.nrrd"
+    done
+    volume="'step*.nrrd'"
+    opens
+    presses n
+    titled ', volume 2.* ms'
+    presses n
+    titled ', volume 3.* ms'
+    presses s
+    titled 'saved .*'
+    saved=$(xdotool getwindowname "$window")
+    saved=${saved##*saved }
+    vkt render 'step*.nrrd' --size 320x240 -o of-%d.png
+    cmp <(pixels_of "$saved") <(pixels_of of-2.png)
+    presses n
+    titled 'this is the last volume'
+    presses comma
+    titled ', volume 2 of 3.* ms'
+    quits
+}
+
 @test "--window opens one where standard output is no terminal" {
     with_display
     vkt render $volume --size 64 --window >out 2>log 3>&- &

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/nrrd_header.h"
 #include "libvkt/render/font.h"
 
 #include <algorithm>
@@ -207,7 +208,7 @@ void draw_labels(Canvas& canvas, RenderReport const& report, Color const& ink) {
     });
 }
 
-void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
+void draw_scale_bar(Canvas& canvas, Camera const& camera, std::string const& unit, Color const& ink) {
     auto const size = static_cast<int>(std::lround(canvas.size()));
     Vec3 const way = camera.target - camera.eye;
     double const height = camera.projection == Projection::orthographic
@@ -221,7 +222,7 @@ void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
     canvas.box(x0, y - thick, x1, y, ink);
     canvas.box(x0, y - size / 2, x0 + thick, y, ink);
     canvas.box(x1 - thick, y - size / 2, x1, y, ink);
-    TextLine const label = canvas.text(to_text(length));
+    TextLine const label = canvas.text(unit.empty() ? to_text(length) : text(length, " ", unit));
     canvas.put(label, (x0 + x1 - label.width) / 2, y - size / 2 - label.height, ink);
 }
 
@@ -260,6 +261,18 @@ double round_length(double limit) {
     return decade;
 }
 
+std::string length_unit(Header const& header) {
+    auto const found = header.attributes.find("space units");
+    if (found == header.attributes.end()) return {};
+    auto const units = quoted_entries(found->second);
+    if (!units || units->empty()) return {};
+    for (std::string const& unit : *units)
+        if (unit != units->front()) return {};
+    std::string unit = units->front();
+    if (unit.size() > 1 && unit.front() == '"' && unit.back() == '"') unit = unit.substr(1, unit.size() - 2);
+    return printable(unit);
+}
+
 std::vector<double> ticks_of(double lower, double upper) {
     if (!(upper > lower)) return {lower};
     double const step = round_length((upper - lower) / 3);
@@ -280,7 +293,7 @@ void annotate(Image& image, RenderReport const& report, Header const& header, Ba
             draw_color_bar(canvas, report, header.units, ink);
         else
             draw_surfaces(canvas, report, header.units, ink);
-        draw_scale_bar(canvas, report.camera, ink);
+        draw_scale_bar(canvas, report.camera, length_unit(header), ink);
         draw_axes(canvas, report.camera, ink);
     }
     if (annotation.caption.empty()) return;

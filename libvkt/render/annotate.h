@@ -20,6 +20,8 @@ struct Annotation {
 
 /// 1, 2 or 5 times a power of ten, the greatest not above the limit.
 double round_length(double limit);
+/// The unit of lengths in the world; empty where the header does not say one, or several.
+std::string length_unit(Header const& header);
 /// At least three and at most eight multiples of such a step in [lower, upper]; both ends if these are equal.
 std::vector<double> ticks_of(double lower, double upper);
 

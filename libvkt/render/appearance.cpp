@@ -86,7 +86,8 @@ std::shared_ptr<Categories const> Renderer::labels_for(RenderSettings const& set
 Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) const {
     Appearance appearance;
     Geometry const& g = header_.geometry;
-    appearance.domain = resolve_domain(settings.domain, histogram());
+    Histogram const& data = settings.chosen_from ? *settings.chosen_from : histogram();
+    appearance.domain = resolve_domain(settings.domain, data);
     double const smallest = smallest_spacing(g);
     appearance.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
@@ -98,15 +99,14 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
     double voxels = volume_of(region_.dims());
     if (tree_) voxels = std::min(tree_->covered(), voxels);
     double const extent = std::cbrt(voxel_size(g) * voxels);
-    Automatic const automatic =
-        choose_transfer(histogram(), appearance.domain, settings.colormap, extent, appearance.unit);
+    Automatic const automatic = choose_transfer(data, appearance.domain, settings.colormap, extent, appearance.unit);
     bool chosen = false;
     if (settings.transfer) {
         appearance.transfer = *settings.transfer;
     } else if (!settings.lut.empty()) {
         appearance.transfer = transfer_from_lut(settings.lut, appearance.domain.lower, appearance.domain.upper);
     } else if (is_projection(settings.algorithm)) {
-        appearance.domain = resolve_domain(settings.domain == "auto" ? "minmax" : settings.domain, histogram());
+        appearance.domain = resolve_domain(settings.domain == "auto" ? "minmax" : settings.domain, data);
         appearance.transfer = combine(settings.colormap.empty() ? "grey" : settings.colormap, appearance.domain,
                                       {{appearance.domain.lower, 1}});
     } else if (settings.opacity != "auto") {

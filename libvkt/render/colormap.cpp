@@ -189,6 +189,8 @@ std::vector<std::string> colormap_names() {
     return collect(maps(), [](Map const& map) { return std::string(map.name); });
 }
 
+std::string_view other_name(std::string_view map) { return map == "grey" ? "gray" : map == "tissue" ? "flesh" : ""; }
+
 Color colormap(std::string_view name, double x) {
     std::string_view base = name;
     x = std::clamp(x, 0.0, 1.0);
@@ -197,11 +199,8 @@ Color colormap(std::string_view name, double x) {
         base.remove_suffix(reverse.size());
         x = 1 - x;
     }
-    // As others call them.
-    if (base == "gray") base = "grey";
-    if (base == "flesh") base = "tissue";
     for (Map const& map : maps()) {
-        if (map.name != base) continue;
+        if (map.name != base && (base.empty() || other_name(map.name) != base)) continue;
         auto const above =
             std::find_if(map.stops.begin() + 1, map.stops.end() - 1, [&](Stop const& s) { return s.at >= x; });
         double const below = (above - 1)->at, f = (x - below) / (above->at - below);

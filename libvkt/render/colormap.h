@@ -16,6 +16,8 @@ struct Color {
 
 /// Names of all maps, in the order in which help shows them.
 std::vector<std::string> colormap_names();
+/// What others call it; empty if they call it the same.
+std::string_view other_name(std::string_view map);
 
 /// The colour at x in [0,1] (clamped). "NAME:reverse" runs the map backwards. Throws Error{usage} for unknown names.
 Color colormap(std::string_view name, double x);

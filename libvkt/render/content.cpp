@@ -9,21 +9,36 @@
 
 namespace vkt::render {
 
-std::vector<Vec3> visible_corners(CellVisibility const& cells, Index3 counts, Geometry const& geometry,
+CellPlaces places_of(CellGrid const& grid) {
+    constexpr std::int64_t first = -1; // between voxels of the padding and the first ones
+    return {{grid.nx, grid.ny, grid.nz}, {first, first, first}, macrocell_size, 1};
+}
+
+CellPlaces places_of(TreeCells const& cells) {
+    auto const whole = [](double v) { return static_cast<std::int64_t>(v); };
+    Double3 const& o = cells.origin;
+    return {{cells.grid.nx, cells.grid.ny, cells.grid.nz}, {whole(o.x), whole(o.y), whole(o.z)}, whole(cells.size), 0};
+}
+
+std::vector<Vec3> visible_corners(CellVisibility const& cells, CellPlaces const& places, Geometry const& geometry,
                                   Box const& within) {
     std::vector<Vec3> points;
-    auto const from = [](std::int64_t cell) { return macrocell_size * cell + lattice_padding - 1 - lattice_padding; };
+    Index3 const counts = places.counts;
+    bool const by_extinction = !cells.depth.empty(); // of surfaces there is none
+    auto const from = [&](int axis, std::int64_t cell) { return places.origin[axis] + places.size * cell; };
     for (std::int64_t z = 0; z < counts.z; ++z)
         for (std::int64_t y = 0; y < counts.y; ++y) {
             auto const seen = [&](std::int64_t x) {
-                return cells.distance[static_cast<std::size_t>((z * counts.y + y) * counts.x + x)] == 0;
+                auto const at = static_cast<std::size_t>((z * counts.y + y) * counts.x + x);
+                return by_extinction ? cells.majorant[at] > 0 : cells.distance[at] == 0;
             };
             std::int64_t first = 0, last = counts.x - 1;
             while (first <= last && !seen(first)) ++first;
             while (last >= first && !seen(last)) --last;
             if (last < first) continue;
-            Box const row = intersect(
-                Box{{from(first), from(y), from(z)}, {from(last + 1) + 1, from(y + 1) + 1, from(z + 1) + 1}}, within);
+            auto const to = [&](int axis, std::int64_t cell) { return from(axis, cell + 1) + places.more; };
+            Box const row =
+                intersect(Box{{from(0, first), from(1, y), from(2, z)}, {to(0, last), to(1, y), to(2, z)}}, within);
             if (row.empty()) continue;
             auto const corners = corners_of(geometry, row);
             points.insert(points.end(), corners.begin(), corners.end());

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/png_rows.h"
 
 #include <png.h>
 #include <zlib.h>
@@ -51,24 +52,48 @@ void ignore(png_structp, char const*) {}
 
 } // namespace
 
-std::vector<unsigned char> to_bytes(Image const& image, Background const& background) {
-    Encoder const encode;
-    bool const opaque = background.alpha >= 1;
-    auto const linear = [](double v) { return static_cast<float>(srgb_to_linear(v)); };
-    std::array<float, 3> const back{linear(background.color.red), linear(background.color.green),
-                                    linear(background.color.blue)};
-    auto const back_alpha = static_cast<float>(background.alpha);
-    std::size_t const n = image.pixels.size() / 4, channels = opaque ? 3 : 4;
-    std::vector<unsigned char> bytes(n * channels);
-    for (std::size_t i = 0; i < n; ++i) {
-        float const* p = image.pixels.data() + 4 * i;
-        float const behind = p[3] * back_alpha, alpha = 1 - p[3] * (1 - back_alpha);
-        for (std::size_t c = 0; c < 3; ++c) {
-            float const light = p[c] + behind * back[c];
-            bytes[channels * i + c] = encode(opaque ? light : alpha > 0 ? light / alpha : 0.0F);
-        }
-        if (!opaque) bytes[4 * i + 3] = static_cast<unsigned char>(std::lround(255 * std::clamp(alpha, 0.0F, 1.0F)));
+namespace {
+
+/// Pixels as bytes of sRGB, three channels over an opaque background, else four.
+class Levels8 {
+public:
+    explicit Levels8(Background const& background) : opaque_(background.alpha >= 1) {
+        auto const linear = [](double v) { return static_cast<float>(srgb_to_linear(v)); };
+        back_ = {linear(background.color.red), linear(background.color.green), linear(background.color.blue)};
+        back_alpha_ = static_cast<float>(background.alpha);
     }
+    std::size_t channels() const { return opaque_ ? 3 : 4; }
+    void row(float const* pixels, std::size_t n, unsigned char* to) const {
+        std::size_t const channels = this->channels();
+        for (std::size_t i = 0; i < n; ++i, to += channels) {
+            float const* p = pixels + 4 * i;
+            if (i > 0 && std::memcmp(p, p - 4, 4 * sizeof(float)) == 0) { // as most of the background is
+                std::memcpy(to, to - channels, channels);
+                continue;
+            }
+            float const behind = p[3] * back_alpha_, alpha = 1 - p[3] * (1 - back_alpha_);
+            for (std::size_t c = 0; c < 3; ++c) {
+                float const light = p[c] + behind * back_[c];
+                to[c] = encode_(opaque_ ? light : alpha > 0 ? light / alpha : 0.0F);
+            }
+            if (!opaque_) to[3] = static_cast<unsigned char>(std::lround(255 * std::clamp(alpha, 0.0F, 1.0F)));
+        }
+    }
+
+private:
+    Encoder encode_;
+    bool opaque_;
+    std::array<float, 3> back_{};
+    float back_alpha_ = 1;
+};
+
+} // namespace
+
+std::vector<unsigned char> to_bytes(Image const& image, Background const& background) {
+    Levels8 const levels(background);
+    std::size_t const n = image.pixels.size() / 4;
+    std::vector<unsigned char> bytes(n * levels.channels());
+    levels.row(image.pixels.data(), n, bytes.data());
     return bytes;
 }
 
@@ -79,29 +104,50 @@ std::array<float, 4> over(float const* pixel, Background const& background) {
             pixel[2] + linear(background.color.blue), 1 - pixel[3] * (1 - alpha)};
 }
 
-std::vector<unsigned char> to_wide_bytes(Image const& image, Background const& background) {
+namespace {
+
+/// The same in 16 bits, of which the high ones come first.
+void wide_row(float const* pixels, std::size_t n, Background const& background, unsigned char* to) {
     bool const opaque = background.alpha >= 1;
-    std::vector<unsigned char> bytes;
-    bytes.reserve(image.pixels.size() * (opaque ? 6 : 8) / 4);
     auto const put = [&](double share) {
         auto const level = static_cast<unsigned>(std::lround(65535 * std::clamp(share, 0.0, 1.0)));
-        bytes.push_back(static_cast<unsigned char>(level >> 8));
-        bytes.push_back(static_cast<unsigned char>(level & 255));
+        *to++ = static_cast<unsigned char>(level >> 8);
+        *to++ = static_cast<unsigned char>(level & 255);
     };
-    for (std::size_t i = 0; i < image.pixels.size(); i += 4) {
-        std::array<float, 4> const light = over(image.pixels.data() + i, background);
+    std::size_t const size = opaque ? 6 : 8;
+    for (std::size_t i = 0; i < n; ++i) {
+        float const* p = pixels + 4 * i;
+        if (i > 0 && std::memcmp(p, p - 4, 4 * sizeof(float)) == 0) {
+            std::memcpy(to, to - size, size);
+            to += size;
+            continue;
+        }
+        std::array<float, 4> const light = over(p, background);
         for (std::size_t c = 0; c < 3; ++c)
             put(linear_to_srgb(opaque ? light[c] : light[3] > 0 ? light[c] / light[3] : 0.0F));
         if (!opaque) put(light[3]);
     }
-    return bytes;
 }
 
+} // namespace
+
 std::vector<std::byte> to_png(Image const& image, Background const& background,
-                              std::vector<std::pair<std::string, std::string>> const& texts, int depth) {
-    std::vector<unsigned char> const bytes =
-        depth == 16 ? to_wide_bytes(image, background) : to_bytes(image, background);
+                              std::vector<std::pair<std::string, std::string>> const& texts, int depth,
+                              PngEffort effort) {
     bool const opaque = background.alpha >= 1;
+    Levels8 const levels(background);
+    auto const width = static_cast<std::size_t>(image.width), channels = levels.channels(),
+               pixel = channels * (depth == 16 ? 2 : 1);
+    auto const fill = [&](int y, unsigned char* to) {
+        float const* const row = image.pixels.data() + 4 * width * static_cast<std::size_t>(y);
+        if (depth == 16)
+            wide_row(row, width, background, to);
+        else
+            levels.row(row, width, to);
+    };
+    constexpr int usual = 5, quick = 1;
+    auto const strips =
+        packed_rows({image.height, width * pixel, pixel, fill}, effort.quick ? quick : usual, effort.threads);
     std::vector<std::byte> out;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore);
     if (png == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
@@ -113,7 +159,6 @@ std::vector<std::byte> to_png(Image const& image, Background const& background,
                      opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE,
                      PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
         png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-        png_set_compression_level(png, 5);
         std::vector<png_text> chunks;
         for (auto const& [key, value] : texts) {
             png_text chunk{};
@@ -125,9 +170,9 @@ std::vector<std::byte> to_png(Image const& image, Background const& background,
         }
         if (!chunks.empty()) png_set_text(png, info, chunks.data(), static_cast<int>(chunks.size()));
         png_write_info(png, info);
-        std::size_t const row = bytes.size() / static_cast<std::size_t>(image.height);
-        for (int y = 0; y < image.height; ++y) png_write_row(png, bytes.data() + static_cast<std::size_t>(y) * row);
-        png_write_end(png, info);
+        for (auto const& strip : strips)
+            png_write_chunk(png, reinterpret_cast<png_const_bytep>("IDAT"), strip.data(), strip.size());
+        png_write_chunk(png, reinterpret_cast<png_const_bytep>("IEND"), nullptr, 0);
     } catch (...) {
         png_destroy_write_struct(&png, &info);
         throw;

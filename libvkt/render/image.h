@@ -41,16 +41,20 @@ struct Background {
 /// laid behind in linear light; rounding is to nearest.
 std::vector<unsigned char> to_bytes(Image const& image, Background const& background);
 
-/// The same in 16 bits, the most significant byte first.
-std::vector<unsigned char> to_wide_bytes(Image const& image, Background const& background);
-
 /// Light over the background: linear red, green, blue, premultiplied, and alpha.
 std::array<float, 4> over(float const* pixel, Background const& background);
 
+/// How much is done for a small file.
+struct PngEffort {
+    int threads = 1;
+    bool quick = false; ///< somebody waits: the file may be larger
+};
+
 /// A PNG file (sRGB chunk, given text chunks as keyword and text) of 8 or 16 bits a channel. The same picture gives the
-/// same bytes.
+/// same bytes, whatever the threads.
 std::vector<std::byte> to_png(Image const& image, Background const& background,
-                              std::vector<std::pair<std::string, std::string>> const& texts, int depth = 8);
+                              std::vector<std::pair<std::string, std::string>> const& texts, int depth = 8,
+                              PngEffort effort = {});
 
 /// Whether these bytes begin a PNG file.
 bool is_png(std::span<std::byte const> head);

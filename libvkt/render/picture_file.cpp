@@ -234,7 +234,7 @@ std::vector<std::byte> encode_picture(Image const& image, Background const& back
     Part const& p = options.part;
     if (p.whole_width > 0)
         all.emplace_back(part_keyword, vkt::text(p.x, " ", p.y, " ", p.whole_width, " ", p.whole_height));
-    return to_png(image, background, all, options.depth == 16 ? 16 : 8);
+    return to_png(image, background, all, options.depth == 16 ? 16 : 8, options.png);
 }
 
 std::string PictureContents::text(std::string_view keyword) const {

@@ -30,6 +30,7 @@ struct PictureOptions {
     PictureFormat format = PictureFormat::png;
     int depth = 0; ///< bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR, 32 of PFM; 0: 8, 32, 32
     Part part;
+    PngEffort png{};
 };
 
 /// Throws Error{usage} for a depth or a transparent background that the format does not have, Error{failure} for a

@@ -22,6 +22,7 @@ struct PreparedFor {
     std::string colormap, opacity, domain, unit;
     double opacity_scale, shade;
     std::vector<double> isos, iso_colors, iso_opacities;
+    std::shared_ptr<Histogram const> chosen_from;
     bool labels, skip;
     friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
 };

@@ -17,8 +17,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <mutex>
+#include <sys/mman.h>
 
 namespace vkt::render {
 
@@ -26,6 +28,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// So many zeros, in huge pages where there are many: touching small ones takes seconds of the largest pictures, in
+/// which nobody hears that they are to stop.
+void make_room(std::vector<float>& pixels, std::size_t count) {
+    pixels.reserve(count);
+    constexpr std::uintptr_t page = std::uintptr_t{2} << 20;
+    auto const begin = reinterpret_cast<std::uintptr_t>(pixels.data()), end = begin + count * sizeof(float);
+    std::uintptr_t const first = (begin + page - 1) / page * page;
+    if (end > first + page) ::madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE); // advice only
+    pixels.resize(count);
+}
 
 /// Whether light from behind passes everywhere.
 bool is_empty(Image const& image) {
@@ -36,19 +49,8 @@ bool is_empty(Image const& image) {
 
 /// All that decides what is prepared.
 PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
-    return {s.algorithm,
-            s.transfer,
-            s.lut,
-            s.colormap,
-            s.opacity,
-            s.domain,
-            s.unit,
-            s.opacity_scale,
-            s.shade,
-            s.isos,
-            s.iso_colors,
-            s.iso_opacities,
-            draws_labels(s, header),
+    return {s.algorithm,     s.transfer, s.lut,  s.colormap,   s.opacity,       s.domain,      s.unit,
+            s.opacity_scale, s.shade,    s.isos, s.iso_colors, s.iso_opacities, s.chosen_from, draws_labels(s, header),
             s.skip};
 }
 
@@ -276,7 +278,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
-        content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
+        content = tree_ ? tree_->box_of(cells) : visible_box(cells, header_.dims);
     // A grid may hold more than the part of a tree that there is.
     if (content = intersect(content, region_); content.empty()) content = region_;
     if (!settings.clip.empty()) {
@@ -285,8 +287,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         content = within.empty() ? clip : within;
     }
     std::vector<Vec3> points;
-    if (!tree_ && settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
-        points = visible_corners(cells, {lattice_.cells.nx, lattice_.cells.ny, lattice_.cells.nz}, header_.geometry,
+    if (settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
+        points = visible_corners(cells, tree_ ? places_of(tree_->cells()) : places_of(lattice_.cells), header_.geometry,
                                  content);
     if (points.empty()) {
         auto const corners = corners_of(header_.geometry, content);
@@ -314,7 +316,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     PartRows const rows = rows_of_part(settings);
     scene.frame.top = rows.first;
     Image image{settings.width, rows.last - rows.first, {}};
-    image.pixels.resize(4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+    make_room(image.pixels, 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
     if (accumulation != nullptr && integrator == Integrator::scatter) {
         if (accumulation->samples == 0) accumulation->sums.assign(image.pixels.size(), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;

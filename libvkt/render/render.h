@@ -58,6 +58,9 @@ struct RenderSettings {
     std::string colormap;         ///< empty: chosen from the data
     std::string opacity = "auto"; ///< "auto" or "A0,A1,…" over the domain or "VALUE:A,…"
     std::string domain = "auto";  ///< see resolve_domain
+    /// What is chosen from the data is chosen from this, so that pictures of a series have the same colours; null: from
+    /// the volume's own.
+    std::shared_ptr<Histogram const> chosen_from;
     std::string unit; ///< world length, "auto" (diagonal / 256) or empty (the transfer's, else smallest spacing)
     double opacity_scale = 1; ///< multiplies extinctions
 
@@ -138,8 +141,9 @@ struct Accumulation {
 /// Facts about a picture, for reports.
 struct RenderReport {
     Camera camera;
-    std::string method; ///< one line: algorithm and its knobs
-    double unit = 0;    ///< world units
+    std::string method;   ///< one line: algorithm and its knobs
+    std::string drawn_by; ///< threads and their instructions, or a GPU
+    double unit = 0;      ///< world units
     Domain domain;
     TransferFunction transfer;
     std::vector<double> isos;      ///< physical values of the surfaces that were looked for

@@ -67,6 +67,9 @@ void Renderer::tell(RenderReport& report, RenderSettings const& settings, Prepar
                                                         : " voxel",
                    drawn.sparsely ? savings_text(settings, report.savings) : "", ", shading ", appearance.shade);
     if (drawn.with_gpu) report.method += ", on a GPU";
+    report.drawn_by = drawn.with_gpu ? text(execution_.gpus, execution_.gpus == 1 ? " GPU" : " GPUs")
+                                     : text(execution_.threads, execution_.threads == 1 ? " thread, " : " threads, ",
+                                            name_of(execution_.instructions));
     report.prepare_seconds = prepare_seconds_;
 }
 

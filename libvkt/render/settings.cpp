@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/settings.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/transfer_file.h"
@@ -82,7 +83,11 @@ void SettingsParameters::declare(Parameters& list) {
         .alias("lut");
     list.option("transfer", transfer_file_, "FILE",
                 "transfer function from a JSON file, also one of ParaView's; or the JSON itself");
-    list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
+    auto const maps = collect(colormap_names(), [](std::string const& map) {
+        std::string_view const other = other_name(map);
+        return other.empty() ? map : text(map, " (or ", other, ")");
+    });
+    list.option("colormap", s.colormap, "NAME", text(join(maps, ", "), "; append :reverse"));
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit-distance", s.unit, "DISTANCE",
@@ -375,6 +380,15 @@ Background SettingsParameters::background() const {
     return {{c[0], c[1], c[2]}, c.size() == 4 ? c[3] : 1.0};
 }
 
+bool SettingsParameters::depends_on_data() const {
+    RenderSettings const s = settings();
+    bool const surface = s.algorithm == Algorithm::implicit_iso && s.isos.empty();
+    if (s.transfer) return surface;
+    bool const fixed = s.domain != "auto" && s.domain != "minmax" && s.domain.find('p') == std::string::npos;
+    bool const opacities = s.lut.empty() && s.opacity == "auto" && !is_projection(s.algorithm);
+    return surface || !fixed || opacities;
+}
+
 std::vector<OptionWords> options_of(RenderSettings const& s) {
     std::vector<OptionWords> options;
     RenderSettings const plain;
@@ -460,10 +474,10 @@ std::string quality_text(RenderReport const& r, Goal const& goal) {
                              paths ? "tile " : "pixel ", two_digits(q.worst), asked));
     if (q.above > 0 && (goal.noise > 0 || goal.tolerance > 0))
         parts.push_back(text(q.above, paths ? " tiles above" : " pixels above"));
-    if (goal.any()) {
+    if (goal.any() || (q.stopped && paths))
         parts.push_back(text(std::round(q.rays * 10) / 10, paths ? " paths" : " rays", " a pixel"));
-        parts.push_back(text(two_digits(r.render_seconds), " s"));
-    }
+    // Pictures that ended by themselves are the same whenever they are drawn, and say nothing that is not.
+    if (goal.any() || q.stopped) parts.push_back(text(two_digits(r.render_seconds), " s"));
     if (q.stopped) parts.push_back("stopped before it was finished");
     if (q.late) parts.push_back("the time was up");
     if (q.undrawn > 0) parts.push_back(text(std::round(q.undrawn * 1000) / 10, "% of the pixels not drawn"));
@@ -542,7 +556,7 @@ std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
     return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,
                 " empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
-                rounded(1e3 * r.render_seconds), " ms", r.quality.error >= 0 ? "; " : "",
+                rounded(1e3 * r.render_seconds), " ms by ", r.drawn_by, r.quality.error >= 0 ? "; " : "",
                 r.quality.error >= 0 ? quality_text(r, {}) : std::string());
 }
 

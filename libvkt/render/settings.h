@@ -17,6 +17,8 @@ public:
     /// other, Error{io} or Error{data} for the transfer function file.
     RenderSettings settings() const;
     Background background() const;
+    /// Whether colours, opacities or surfaces are chosen from the data.
+    bool depends_on_data() const;
     /// Of every volume: one, or those of --orbit.
     std::vector<CameraRequest> cameras() const;
 

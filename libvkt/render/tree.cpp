@@ -190,7 +190,6 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     result.visible_before = table.visible_before();
     result.range.resize(lowest_.size());
     double const per_value = static_cast<double>(table.view().scale);
-    bool some = false;
     BrickTable const& bricks = sampler_.volume().bricks();
     for (std::size_t b = 0; b < lowest_.size(); ++b) {
         BrickNodes& nodes = result.range[b];
@@ -207,7 +206,6 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
         auto const at = [&](std::int32_t node) { return result.visible_before[static_cast<std::size_t>(node)]; };
         if (at(nodes.last + 1) == at(nodes.first)) continue;
         ++result.visible_count;
-        Box const bounds = intersect(bounds_of(bricks[b], sampler_.volume().header().dims), region_);
         Box const domain = domain_of(bricks[b], sampler_.volume().header().dims);
         auto const half = [](Index3 i) {
             return Double3{0.5 * static_cast<double>(i.x), 0.5 * static_cast<double>(i.y),
@@ -217,14 +215,7 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
         bool const first = result.visible_count == 1;
         result.lower = first ? low : least(result.lower, low);
         result.upper = first ? high : greatest(result.upper, high);
-        if (bounds.empty()) continue;
-        for (int a = 0; a < 3; ++a) {
-            result.content.lower[a] = some ? std::min(result.content.lower[a], bounds.lower[a]) : bounds.lower[a];
-            result.content.upper[a] = some ? std::max(result.content.upper[a], bounds.upper[a]) : bounds.upper[a];
-        }
-        some = true;
     }
-    if (!some) result.content = region_;
     return result;
 }
 

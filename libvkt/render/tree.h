@@ -39,7 +39,6 @@ public:
         std::vector<BrickNodes> range;
         std::vector<std::uint32_t> visible_before;
         std::int64_t visible_count = 0;
-        Box content; ///< finest cells that visible bricks cover; the region if there is none
         Double3 lower{0, 0, 0}, upper{-1, -1, -1}; ///< box of the domains of visible bricks, in finest cells
     };
     Visibility classify(TransferTable const& table) const;

@@ -150,7 +150,9 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
     std::string const quality = render::quality_text(r, picture.goal);
     render::PictureTexts texts = texts_of_history(history);
     for (auto& entry : render::texts_of(r, picture.goal)) texts.push_back(std::move(entry));
-    auto const bytes = render::encode_picture(picture.image, picture.background, r.layers, texts, picture.options);
+    render::PictureOptions options = picture.options;
+    options.png = {context.execution().threads, r.quality.stopped};
+    auto const bytes = render::encode_picture(picture.image, picture.background, r.layers, texts, options);
     auto const remarks = render::remarks_of(r, picture.goal);
     for (auto const& line : remarks) context.lossy(line);
     if (remarks.empty() && picture.goal.any()) context.note(quality);

@@ -36,6 +36,10 @@ public:
     Arrival arrive();
     /// Why the volume ended early; null if it did not, or not yet.
     std::exception_ptr ended_early() const { return broken_ ? broken_->why : nullptr; }
+    /// Whether a part is shown, resampled.
+    bool magnified() const { return part_.has_value(); }
+    /// That of the volume as it came.
+    Header const& whole_header() const { return header_; }
     /// Of what is shown: the whole volume's, or that of its part.
     Header const& header() const;
     /// Null until the first slices are there.

@@ -12,11 +12,23 @@
 #include <algorithm>
 #include <cstdint>
 #include <exception>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace vkt::shell::viewer {
 
 namespace {
+
+/// Puts a step that reads the file in the place of those that made it.
+void read_instead(History& step, History const& made, std::string const& file) {
+    if (step == made) {
+        step = {};
+        step.command = {"read", file};
+        return;
+    }
+    for (History& input : step.inputs) read_instead(input, made, file);
+}
 
 /// What the window asks for of the volumes of an input.
 class InputScene : public Scene {
@@ -27,7 +39,12 @@ public:
                   [this](Header const& header) { return render::bytes_of_picture(asked_, header, {}); }),
           volumes_(source, context.execution(), asked_.tree, [this] { return opened_.open(); }) {}
 
-    std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
+    std::string name() const override {
+        std::string const volume = most_ < 2    ? ""
+                                   : count_ > 0 ? text(", volume ", shown_, " of ", count_)
+                                                : text(", volume ", shown_);
+        return text(input(), " (", volumes_.header().dims, ")", volume);
+    }
     render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
                        std::stop_token const& stop, render::Accumulation* accumulation) override {
         auto const renderer = volumes_.renderer();
@@ -48,6 +65,11 @@ public:
             s = settings_of(s, view);
             s.clip = {};
         }
+        // Of a series the first one that was whole decides, so that the others can be compared with it.
+        if (!chosen_from_ && !volumes_.partial() && !volumes_.magnified())
+            chosen_from_ = std::make_shared<render::Histogram const>(renderer->histogram());
+        // A part of it is a volume of its own, as in the command that makes it.
+        if (!volumes_.magnified()) s.chosen_from = chosen_from_;
         return renderer->render(s, &report, stop, accumulation);
     }
     std::string save(render::Image const& image, render::RenderReport const& report, View const& view) override {
@@ -58,8 +80,15 @@ public:
     std::string command(View const& view) override {
         StageInfo stage = stage_of(view);
         if (stage.words.empty()) return "with --no-history there is no command line";
-        return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
-                    output_word(input(), several()));
+        Header header = volumes_.header();
+        std::optional<History> const& made = volumes_.whole_header().history;
+        if (names_what_is_open() && made) { // what once made the file is not what is shown
+            if (header.history == made)
+                header.history.reset();
+            else if (header.history) // a part of it
+                read_instead(*header.history, *made, input_name());
+        }
+        return text(history_as_shell(folded(history_step(stage, {header}))), " -o ", output_word(input(), several()));
     }
     bool next() override {
         volumes_.settle();
@@ -67,6 +96,7 @@ public:
         try {
             bool const more = volumes_.next();
             if (more) most_ = std::max(most_, ++shown_);
+            if (!more) count_ = shown_;
             return more;
         } catch (std::exception const&) {
             if (most_ == 0) throw;
@@ -99,9 +129,16 @@ private:
         if (!failure_) failure_ = failure;
         return failure != nullptr;
     }
+    std::string input_name() const { return context_.stage_info().input_names.front(); }
     std::string input() const {
-        std::string const name = context_.stage_info().input_names.front();
+        std::string const name = input_name();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
+    }
+    /// Whether the input has a name by which it can be had once more: a pipe has none, but the steps that led to it.
+    bool names_what_is_open() const {
+        std::string const name = input_name();
+        std::error_code unknown;
+        return name != "-" && !std::filesystem::is_fifo(name, unknown);
     }
     /// Whether the command is one of several volumes, as far as that can be known without waiting for a pipe.
     bool several() {
@@ -126,7 +163,9 @@ private:
     Volumes opened_;
     ArrivingVolumes volumes_;
     std::exception_ptr failure_;
+    std::shared_ptr<render::Histogram const> chosen_from_; ///< what colours and the like are chosen from
     std::int64_t shown_ = 0, most_ = 0; ///< number of the volume that is shown, from 1, and the highest so far
+    std::int64_t count_ = 0;            ///< of all of them, once it is known
 };
 
 } // namespace

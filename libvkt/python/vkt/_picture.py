@@ -9,8 +9,8 @@ import numpy as np
 from ._library import Error, check, library, option_words, value_word, words_of
 
 
-def render(volume: "Volume", **options: Any) -> "np.ndarray | bytes":
-    """A picture of a volume: an array [row, column, channel] of four bytes, red, green and blue in sRGB and alpha, rows
+def render(volume: "Volume | np.ndarray", **options: Any) -> "np.ndarray | bytes":
+    """A picture of a volume, or of an array [z, y, x]: an array [row, column, channel] of four bytes, red, green and blue in sRGB and alpha, rows
     from the top: render(volume, view="x", size="640x480"), render(volume, render_algo="multi-scattering", noise=1).
 
     Options are those of `vkt render` (man vkt-render): size, background, camera, transfer function, algorithm. `format`
@@ -20,6 +20,12 @@ def render(volume: "Volume", **options: Any) -> "np.ndarray | bytes":
 
 
 def drawn(volume, options, level):
+    from ._volume import Volume
+
+    if isinstance(volume, np.ndarray):
+        volume = Volume(volume)
+    if not isinstance(volume, Volume):
+        raise TypeError(f"render() takes a vkt.Volume or an array, and this is {type(volume).__name__}: vkt.read(path)")
     options = dict(options)
     form = options.pop("format", "uint8")
     if form not in ("uint8", "float", "png"):

@@ -37,6 +37,7 @@ public:
                               ray.direction,
                               static_cast<float>(ray.world_per_lattice)} {
         field_.cells = static_cast<T const*>(asked.tree.blocks.cells);
+        march_.enter(ray);
     }
 
     VKT_HD auto const& march() const { return march_; }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/cut.h"
 #include "libvkt/render/inner/occlusion.h"
 #include "libvkt/render/inner/segments.h"
 #include "libvkt/render/inner/sums.h"
@@ -127,7 +128,13 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
     std::int64_t samples = 0;
     struct Nothing {};
     std::conditional_t<lighting == Lighting::any, Occlusion, Nothing> occlusion{};
+    std::conditional_t<lighting != Lighting::flat, CutFace, Nothing> cut{};
 
+    /// That this is a ray, which may begin where the medium is cut.
+    VKT_HD void enter(Ray const& ray) {
+        if constexpr (lighting != Lighting::flat)
+            if (shaded()) cut = cut_face(scene, ray);
+    }
     VKT_HD bool settled() const { return is_settled(passing, light, scene.patience); }
     VKT_HD bool shaded() const {
         return lighting == Lighting::open || (lighting == Lighting::any && scene.shade.strength > 0);
@@ -266,10 +273,33 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             diffuse[j] = s.diffuse;
             glint[j] = s.glint;
         };
+        // The face by which the ray enters is a surface as well.
+        auto const cut_by_face = [&](int j, Arriving const& arriving, float base) {
+            if constexpr (lighting != Lighting::flat) {
+                float const share = cut.share(static_cast<float>(comb.point(from + j)),
+                                              static_cast<float>(comb.point(from + j + 1)), depth[j], weight[j]);
+                if (!(share > 0)) return;
+                Float3 const g = cut.normal;
+                Reflection const face = scene.lamp.on
+                                            ? lamplight(scene.shade, g, lamp.of(g), arriving, base, 0.0F)
+                                            : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing,
+                                                        arriving.ambient, base, 0.0F);
+                diffuse[j] += share * (face.diffuse - diffuse[j]);
+                glint[j] += share * (face.glint - glint[j]);
+            }
+        };
+        auto const is_cut = [&] {
+            if constexpr (lighting == Lighting::flat)
+                return false;
+            else
+                return shaded && static_cast<float>(comb.point(from)) < cut.reach;
+        };
+        bool const at_face = is_cut();
         // Loops of their own, which vectorise.
         bool const at_once = shaded && !occluded;
         for (int j = 0; j < together && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
         for (int j = 0; j < together && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
+        for (int j = 0; j < segments && at_once && at_face; ++j) cut_by_face(j, {}, 1.0F);
 #ifndef __CUDACC__ // it has one segment
         if (!occluded &&
             add_all(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr, shaded ? glint : nullptr))
@@ -286,6 +316,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
                     float const base = unshaded(scene.shade, arriving);
                     diffuse[j] = base, glint[j] = 0;
                     if (shaded) reflect(j, scene.lamp.on, arriving, base);
+                    if (at_face) cut_by_face(j, arriving, base);
                 }
             float const share = passing * weight[j];
             if (shaded || occluded) {
@@ -366,6 +397,7 @@ VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, Ray const& r
                                           to_float(ray.entry),
                                           to_float(ray.direction),
                                           static_cast<float>(ray.world_per_lattice)};
+    march.enter(ray);
     if (scene.skip)
         walk(march, scene);
     else

@@ -78,6 +78,7 @@ VKT_HD Radiance march_bricks(TreePoints<T, NoScratch> const& asked, SceneView co
     PointField<T> field{asked, 1};
     March<PointField<T>, OneSegment, TreePoints<T, NoScratch>, lighting> march{
         field, asked, scene, {}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
+    march.enter(ray);
     std::int64_t k = marched.first, known = -1; // where the next segment begins; the point whose value is carried
     Stretch here = walk.at(marched.part.begin);
     bool on = true;
@@ -176,6 +177,7 @@ VKT_HD Radiance march_leaves(TreePoints<T, NoScratch> const& asked, SceneView co
     Segment segment{static_cast<T const*>(tree.blocks.cells), {}, {}, {}, 1};
     March<Segment, OneSegment, TreePoints<T, NoScratch>, lighting> march{
         segment, asked, scene, {}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
+    march.enter(ray);
     bool begun = false;   // there is a point
     bool open = false;    // the next segment begins where the last one ended
     bool carried = false; // and that has been looked at

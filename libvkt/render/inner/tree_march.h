@@ -68,6 +68,7 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
     bool empty[chunk];
     March<TreeField<T>, PointComb, TreePoints<T, Scratch>> march{
         field, asked, scene, {points, empty}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
+    march.enter(ray);
     int size = 0;            // segments in the batch
     int included = -1;       // the last stretch whose bricks the batch knows
     std::int64_t known = -1; // the point whose value the march carries

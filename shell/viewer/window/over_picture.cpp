@@ -79,7 +79,8 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
             float const x = p.x + (p.width - points) / 2, y = p.y + p.height - 16;
             list.AddRectFilled({x - 1, y - 2}, {x + points + 1, y + 3}, IM_COL32(0, 0, 0, 160));
             list.AddRectFilled({x, y - 1}, {x + points, y + 2}, IM_COL32(255, 255, 255, 255));
-            std::string const words = short_number(length);
+            std::string const unit = shown.volume ? render::length_unit(shown.volume->header()) : "";
+            std::string const words = unit.empty() ? short_number(length) : text(short_number(length), " ", unit);
             label(list, {x + (points - ImGui::CalcTextSize(words.c_str()).x) / 2, y - 6 - line}, words);
         }
         // Where the axes of the world point.

@@ -27,7 +27,9 @@ void combo_of_maps(TransferEdit& edit, bool& changed) {
     for (std::string const& map : render::colormap_names()) {
         ImVec2 const at = ImGui::GetCursorScreenPos();
         std::string const full = reversed ? map + ":reverse" : map;
-        if (ImGui::Selectable(("          " + map).c_str(), edit.colors.empty() && edit.colormap == full)) {
+        std::string_view const other = render::other_name(map);
+        std::string const called = other.empty() ? map : text(map, " (", other, ")");
+        if (ImGui::Selectable(("          " + called).c_str(), edit.colors.empty() && edit.colormap == full)) {
             edit.colormap = full;
             edit.colors.clear();
             changed = true;
