@@ -158,6 +158,10 @@ with h5py.File("c.h5") as f:
         assert voxels("c.h5:/" + name) == want.astype(want.dtype.newbyteorder("=")).tobytes(), name
         assert channels("c.h5:/" + name) == (list("01") * (len(z)) if z.shape[0] != 6 else list("010101232323")), (name, channels("c.h5:/" + name))
 END
+    /usr/bin/python3 -c '
+from common import *
+with h5py.File("vast.h5", "w") as f: f.create_dataset("d", (2000, 2000, 2, 2, 2), "u1", chunks=(100, 100, 2, 2, 2))'
+    fails_with 3 "4000000 volumes, more than are numbered" vkt info vast.h5:/d
     # As NIfTI's fourth and fifth dimension.
     vkt convert m.h5:/five five.nii
     vkt convert c.h5:/c83 complex.nii

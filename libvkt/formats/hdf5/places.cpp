@@ -18,6 +18,7 @@ namespace vkt::hdf5 {
 namespace {
 
 constexpr hsize_t longest_scale = hsize_t{1} << 24;
+constexpr std::int64_t most_numbered = std::int64_t{1} << 20;
 
 } // namespace
 
@@ -155,6 +156,9 @@ void ChosenDataset::say_places(ParsedGrids& grids) const {
         for (std::size_t i = 0; i < leading_.size(); ++i) numbers[i] = leading_places_[i].empty();
     if (!any && !numbers.empty()) numbers.back() = false;
     bool const numbered = std::find(numbers.begin(), numbers.end(), true) != numbers.end();
+    if ((numbered || parts_ > 1) && grids.volumes > most_numbered)
+        fail(text("dataset '", path_, "' is of ", grids.volumes, " volumes, more than are numbered"),
+             "take a part of it with h5py");
     for (std::int64_t v = 0; (any || numbered) && v < grids.volumes / parts_; ++v) {
         auto& said = grids.attributes.emplace_back();
         auto rest = static_cast<std::size_t>(v);
