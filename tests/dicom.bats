@@ -157,6 +157,69 @@ assert voxels("twice").tobytes() == data.tobytes() + (data + 500).astype("u2").t
 END
 }
 
+@test "files that are named one by one are the series of a folder, in whatever order" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.random.default_rng(5).integers(0, 4000, (7, 5, 6)).astype("u2")
+slices("f", data, numpy.arange(7) * 2.5, (0.8, 0.6, 0, -0.6, 0.8, 0))
+slices("gap", data, [0, 1, 2, 4, 5, 6, 7]); slices("slant", data, numpy.arange(7), aside=0.2)
+slices("pet", data, numpy.arange(7))
+for k in range(7):
+    d = pydicom.dcmread(f"pet/{k}"); d.RescaleSlope = k + 1; d.RescaleIntercept = 0; d.save_as(f"pet/{k}")
+slices("other", data, numpy.arange(7), uid=generate_uid(), number=9)
+many = base("many.dcm", data); many.NumberOfFrames = 7; many.SpacingBetweenSlices = 3; many.save_as("many.dcm")
+END
+    for folder in f pet; do
+        vkt write $folder $folder.nrrd
+        vkt stack $folder/[0-9] -o a.nrrd --force
+        vkt stack $folder/6 $folder/1 $folder/0 $folder/5 $folder/2 $folder/4 $folder/3 -o b.nrrd --force
+        vkt diff a.nrrd $folder.nrrd --geometry
+        vkt diff b.nrrd $folder.nrrd --geometry
+    done
+    (cd f && vkt stack [0-9] | vkt diff - ../f.nrrd)
+    vkt history a.nrrd | grep -q stack
+    fails_with 3 "unequal distances: 2 mm from" vkt stack gap/* -o x.nrrd
+    fails_with 3 "hint: as if all were equal, at their mean: vkt stack ... --force-uniform" vkt stack gap/* -o x.nrrd
+    fails_with 3 "on a slant" vkt stack slant/* -o x.nrrd
+    for folder in gap slant; do
+        vkt stack $folder/* --force-uniform | vkt diff - <(vkt read $folder --force-uniform) --geometry
+    done
+    fails_with 2 "holds several variables: 4, 9" vkt stack f/* other/* -o x.nrrd
+    vkt stack f/* other/* --variable 9 | vkt diff - other --geometry
+    fails_with 2 "which these are not" vkt stack a.nrrd b.nrrd --variable 9 -o x.nrrd
+    # Files of several frames are volumes, as they were.
+    [ "$(vkt stack many.dcm many.dcm | vkt info | grep -c '^dims *6 5 7$')" -eq 2 ]
+    head -c -20 f/3 >f/cut
+    fails_with 3 "ended early" vkt stack f/* -o x.nrrd
+    rm f/cut
+    PYTHONPATH="$VKT_BUILD/oracles" /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || skip "SimpleITK is not installed"
+    vkt stack f/* -o s.mha
+    PYTHONPATH="$VKT_BUILD/oracles" /usr/bin/python3 - <<'END'
+import numpy, SimpleITK as sitk
+reader = sitk.ImageSeriesReader(); reader.SetFileNames(reader.GetGDCMSeriesFileNames("f"))
+want, got = reader.Execute(), sitk.ReadImage("s.mha")
+for what in ("GetOrigin", "GetSpacing", "GetDirection"): assert numpy.allclose(getattr(want, what)(), getattr(got, what)(), atol=1e-5), what
+assert numpy.array_equal(sitk.GetArrayFromImage(want) + 1024, sitk.GetArrayFromImage(got)), "voxels"
+END
+}
+
+@test "JPEG in a file that claims to write types and does not is read" {
+    file=/usr/lib/python3/dist-packages/pydicom/data/test_files/SC_rgb_jpeg.dcm
+    [ -e "$file" ] || skip "pydicom's test files are not installed"
+    PYTHONPATH="$VKT_BUILD/oracles" /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || skip "SimpleITK is not installed"
+    vkt write "$file" - --format raw >voxels
+    PYTHONPATH="$VKT_BUILD/oracles" /usr/bin/python3 - "$file" <<'END'
+import numpy, SimpleITK as sitk, sys
+want = sitk.GetArrayFromImage(sitk.ReadImage(sys.argv[1]))[0]
+got = numpy.fromfile("voxels", "u1").reshape(3, 256, 256)
+assert numpy.array_equal(numpy.moveaxis(want, -1, 0), got)
+END
+    for n in 500 930 940 2000; do
+        head -c $n "$file" >cut.dcm
+        fails_with 3 "cut.dcm" vkt info cut.dcm
+    done
+}
+
 @test "several frames, places of their own, slopes that differ, RLE" {
     /usr/bin/python3 - <<'END'
 from common import *

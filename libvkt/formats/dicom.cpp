@@ -20,7 +20,11 @@ namespace {
 std::unique_ptr<Source> open_dicom(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     std::string const what = text(bytes->name(), ": reading DICOM");
     std::int64_t size = 0;
-    if (bytes->directory()) {
+    if (!options.together.empty()) {
+        std::error_code error;
+        for (std::string const& file : options.together)
+            if (auto const n = std::filesystem::file_size(file, error); !error) size += static_cast<std::int64_t>(n);
+    } else if (bytes->directory()) {
         std::error_code error;
         for (auto const& entry : std::filesystem::directory_iterator(bytes->name(), error))
             if (entry.is_regular_file(error)) size += static_cast<std::int64_t>(entry.file_size(error));
@@ -29,6 +33,14 @@ std::unique_ptr<Source> open_dicom(std::unique_ptr<ByteSource> bytes, ReadOption
         size = bytes->size();
     }
     return parsed_grids("gdcm", what, std::move(bytes), size, options);
+}
+
+bool is_dicom_file(std::string const& path) {
+    std::array<char, dicom_head_bytes> head{};
+    std::ifstream file(path, std::ios::binary);
+    file.read(head.data(), head.size());
+    auto const got = static_cast<std::size_t>(file.gcount());
+    return begins_as_dicom(std::as_bytes(std::span(head.data(), got)));
 }
 
 std::unique_ptr<Sink> create_dicom(std::string const& path, WriteOptions const& options) {
@@ -58,16 +70,19 @@ bool begins_as_dicom(std::span<std::byte const> head) {
     return true;
 }
 
+bool are_dicom_files(std::vector<std::string> const& paths) {
+    return std::all_of(paths.begin(), paths.end(), [](std::string const& path) {
+        std::error_code error;
+        return std::filesystem::is_regular_file(path, error) && is_dicom_file(path);
+    });
+}
+
 bool is_dicom_folder(std::string const& path) {
     namespace fs = std::filesystem;
     std::error_code error;
     for (auto const& entry : fs::directory_iterator(path, error)) {
         if (!entry.is_regular_file(error)) continue;
-        std::array<char, dicom_head_bytes> head{};
-        std::ifstream file(entry.path(), std::ios::binary);
-        file.read(head.data(), head.size());
-        auto const got = static_cast<std::size_t>(file.gcount());
-        if (begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return true;
+        if (is_dicom_file(entry.path())) return true;
     }
     return false;
 }

@@ -28,9 +28,11 @@ struct ReadOptions {
     /// Budget of foreign libraries that hold a file's tables or grids (libvkt/io/parser.h); none: default_memory().
     std::optional<std::size_t> memory;
     bool force_uniform = false; ///< DICOM: slices with gaps or on a slant as if they lay at equal distances
-    bool personal = false;      ///< DICOM: who was examined, when and where, too
-    bool trust_paths = false;   ///< follow headers out of their directory, and to pipes and devices
-    std::string asked_by{};     ///< for hints: the command that reads, "vkt info", if it takes none of the above
+    /// DICOM: files whose images are read together, as if they were those of a folder; the first of them is opened.
+    std::vector<std::string> together{};
+    bool personal = false;    ///< DICOM: who was examined, when and where, too
+    bool trust_paths = false; ///< follow headers out of their directory, and to pipes and devices
+    std::string asked_by{};   ///< for hints: the command that reads, "vkt info", if it takes none of the above
     /// Told what is odd about a file and no error, in one line.
     std::function<void(std::string const&)> notice{};
 

@@ -8,6 +8,7 @@
 #include "libvkt/formats/analyze.h"
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/nifti_header.h"
+#include "libvkt/formats/nifti_places.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/wrapper.h"
 
@@ -86,6 +87,9 @@ public:
                 "the volume does not say what its axes mean, and those of NIfTI are right-anterior-superior: "
                 "taken as they are (vkt edit --attribute space=LPS says it)");
         Header own = header;
+        if (std::string const lost = drop_outdated(own);
+            !lost.empty() && !std::exchange(told_lost_, true) && options_.notice)
+            options_.notice(lost);
         auto const found = own.attributes.find("sidecar");
         if (found == own.attributes.end() || sidecar_.empty()) return HeaderAndVoxelsWriter::begin(own);
         Json const json = object_in(found->second);
@@ -106,7 +110,7 @@ private:
     WriteOptions options_;
     std::string sidecar_; ///< empty: there is no name for one
     std::optional<OutputFile> file_;
-    bool told_ = false;
+    bool told_ = false, told_lost_ = false;
 };
 
 std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {

@@ -7,6 +7,7 @@
 #include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/nifti_places.h"
 #include "libvkt/formats/nrrd_header.h"
 
 #include <algorithm>
@@ -19,7 +20,6 @@ namespace vkt {
 
 namespace {
 
-constexpr std::string_view ras_frame = "right-anterior-superior";
 /// Codes of coordinate systems.
 constexpr std::int64_t scanner = 1, aligned = 2, last_code = 5;
 constexpr std::int64_t space_bits = 7, time_bits = 0x38;
@@ -53,8 +53,12 @@ struct ForeignType {
 
 constexpr ForeignType foreign_types[] = {{1, "single bits"}, {1536, "float128"}, {2048, "complex numbers of float128"}};
 
-/// Intents of volumes that are the components of vectors, along a fifth axis.
+/// Intents of volumes that are the components of vectors or of colours, along a fifth axis.
 constexpr std::int64_t displacement_intent = 1006, vector_intent = 1007;
+constexpr std::int64_t rgb_intent = 2003, rgba_intent = 2004;
+
+/// Attribute: the extents along the fifth axis and those behind it, where channels lie along several.
+constexpr char const* channel_dims = "channel_dims";
 
 struct UnitCode {
     std::int64_t code;
@@ -63,6 +67,11 @@ struct UnitCode {
 
 constexpr UnitCode unit_codes[] = {{1, "m"},   {2, "mm"},  {3, "um"},   {8, "s"},     {16, "ms"},
                                    {24, "us"}, {32, "Hz"}, {40, "ppm"}, {48, "rad/s"}};
+
+/// What a field holds of a number; 0 of others.
+std::int64_t whole(double v, double most) {
+    return v >= 0 && v <= most && v == std::floor(v) ? static_cast<std::int64_t>(v) : 0;
+}
 
 /// Attributes that are fields of numbers. Codes of coordinate systems are apart, since the geometry decides on them.
 struct NumberField {
@@ -84,6 +93,16 @@ constexpr NumberField number_fields[] = {
      [](NiftiFields& f, double v) {
          if (v >= 0 && v <= 32767) f.intent_code = static_cast<std::int64_t>(v);
      }},
+    {"slice_code", [](NiftiFields const& f) { return static_cast<double>(f.slice_code); },
+     [](NiftiFields& f, double v) { f.slice_code = whole(v, 255); }},
+    {"slice_start", [](NiftiFields const& f) { return static_cast<double>(f.slice_start); },
+     [](NiftiFields& f, double v) { f.slice_start = whole(v, 32767); }},
+    {"slice_end", [](NiftiFields const& f) { return static_cast<double>(f.slice_end); },
+     [](NiftiFields& f, double v) { f.slice_end = whole(v, 32767); }},
+    {"slice_duration", [](NiftiFields const& f) { return f.slice_duration; },
+     [](NiftiFields& f, double v) { f.slice_duration = v; }},
+    {"dim_info", [](NiftiFields const& f) { return static_cast<double>(f.dim_info); },
+     [](NiftiFields& f, double v) { f.dim_info = whole(v, 255); }},
 };
 
 struct WordField {
@@ -94,11 +113,6 @@ struct WordField {
 constexpr WordField word_fields[] = {{"descrip", &NiftiFields::descrip},
                                      {"aux_file", &NiftiFields::aux_file},
                                      {"intent_name", &NiftiFields::intent_name}};
-
-bool is_orthonormal(Geometry const& g) {
-    auto const& d = g.direction;
-    return std::abs(dot(d[0], d[1])) < 1e-5 && std::abs(dot(d[1], d[2])) < 1e-5 && std::abs(dot(d[2], d[0])) < 1e-5;
-}
 
 // --- Fields to a volume ---------------------------------------------------------------------------------------------
 
@@ -128,12 +142,14 @@ Vec3 spacing_of(NiftiFields const& f) {
 }
 
 /// A unit quaternion of which three components are given, and a third axis that may be reversed.
-std::optional<Geometry> qform_geometry(NiftiFields const& f) {
+std::optional<Geometry> qform_geometry(NiftiFields const& f, int version) {
     double b = f.quatern[0], c = f.quatern[1], d = f.quatern[2];
     double const rest = 1 - (b * b + c * c + d * d);
     if (!std::isfinite(rest) || rest < -1e-3) return std::nullopt;
     double a = 0;
-    if (rest > 3 * static_cast<double>(std::numeric_limits<float>::epsilon())) a = std::sqrt(rest);
+    double const rounding = version == 1 ? static_cast<double>(std::numeric_limits<float>::epsilon())
+                                         : std::numeric_limits<double>::epsilon();
+    if (rest > 3 * rounding) a = std::sqrt(rest);
     double const length = std::sqrt(a * a + b * b + c * c + d * d);
     a /= length, b /= length, c /= length, d /= length;
     double const qfac = f.pixdim[0] < 0 ? -1 : 1;
@@ -186,7 +202,6 @@ private:
     void read_geometry(RawLayout& layout) const;
     void read_values(Header& volume) const;
     void read_attributes(RawLayout& layout) const;
-    void name_slices(RawLayout& layout) const;
     void find_voxels(RawLayout& layout) const;
     void use_ours(RawLayout& layout) const;
 
@@ -229,16 +244,14 @@ void Reader::read_type(RawLayout& layout) const {
 void Reader::read_geometry(RawLayout& layout) const {
     Header& volume = layout.header;
     std::optional<Geometry> const s = f_.sform_code > 0 ? sform_geometry(f_) : std::nullopt;
-    std::optional<Geometry> const q = f_.qform_code > 0 ? qform_geometry(f_) : std::nullopt;
+    std::optional<Geometry> const q = f_.qform_code > 0 ? qform_geometry(f_, header_.version) : std::nullopt;
     if ((f_.sform_code > 0 || f_.qform_code > 0) && !s && !q)
         fail("neither its sform nor its qform is a map to the world");
     volume.geometry = s ? *s : q ? *q : base_geometry(volume.dims, spacing_of(f_));
-    volume.attributes["space"] = std::string(ras_frame);
+    volume.attributes["space"] = std::string(nifti_frame);
     volume.attributes["sform_code"] = to_text(s ? f_.sform_code : std::int64_t{0});
-    // A qform that says something else is not kept, and its code is about nothing then.
-    bool const kept = q && (!s || agree(*s, *q));
-    volume.attributes["qform_code"] = to_text(kept ? f_.qform_code : std::int64_t{0});
-    if (q && !kept) layout.not_read.emplace_back("a qform that places the volume elsewhere than its sform");
+    volume.attributes["qform_code"] = to_text(q ? f_.qform_code : std::int64_t{0});
+    if (s && q && !agree(*s, *q)) volume.attributes[qform_map] = map_between(*s, *q);
 }
 
 void Reader::read_values(Header& volume) const {
@@ -261,28 +274,27 @@ void Reader::read_attributes(RawLayout& layout) const {
         return {};
     };
     if (!header_.comment.empty()) attributes[nifti_comment] = header_.comment;
+    if (f_.slice_code != 0 || f_.slice_start != 0 || f_.slice_end != 0 || f_.slice_duration != 0 || f_.dim_info != 0)
+        attributes[slice_grid] = grid_text(layout.header.dims, layout.header.geometry);
+    // Colours are written as components along an axis, for which there is an intent.
+    if (f_.intent_code == 0 && f_.datatype == colours.code) attributes["intent_code"] = to_text(rgb_intent);
+    if (f_.intent_code == 0 && f_.datatype == colours_and_opacity.code)
+        attributes["intent_code"] = to_text(rgba_intent);
+    if (f_.dim[0] > 5 && std::max(f_.dim[6], f_.dim[0] > 6 ? f_.dim[7] : 1) > 1)
+        attributes[channel_dims] =
+            text(f_.dim[5], " ", f_.dim[6], f_.dim[0] > 6 ? text(" ", f_.dim[7]) : std::string());
     if (std::string const u = unit(space_bits); !u.empty()) attributes["space units"] = text(u, " ", u, " ", u);
     if (f_.intent_code == vector_intent || f_.intent_code == displacement_intent) attributes[sequence_kind] = "vector";
-    if (layout.volumes / layout.channels < 2) return;
-    if (double const step = f_.pixdim[4]; step != 0 && std::isfinite(step) && std::isfinite(f_.toffset))
+    bool const series = layout.volumes / layout.channels > 1;
+    bool const dated = !series && f_.toffset != 0 && std::isfinite(f_.toffset); // the one time that it is of
+    if (dated) attributes["sequence position"] = to_text(f_.toffset);
+    if (!series && !dated) return;
+    if (double const step = f_.pixdim[4]; series && step != 0 && std::isfinite(step) && std::isfinite(f_.toffset))
         layout.sequence = SequenceAxis{f_.toffset, step};
     if (std::string const u = unit(time_bits); !u.empty()) {
         attributes[sequence_units] = u;
         if ((f_.xyzt_units & time_bits) <= 24) attributes[sequence_kind] = "time";
     }
-}
-
-void Reader::name_slices(RawLayout& layout) const {
-    std::string words;
-    auto const add = [&](char const* name, double value) {
-        if (value != 0 && std::isfinite(value)) words += text(words.empty() ? "" : ", ", name, " ", to_text(value));
-    };
-    add("slice_code", static_cast<double>(f_.slice_code));
-    add("slice_start", static_cast<double>(f_.slice_start));
-    add("slice_end", static_cast<double>(f_.slice_end));
-    add("slice_duration", f_.slice_duration);
-    add("dim_info", static_cast<double>(f_.dim_info));
-    if (!words.empty()) layout.not_read.push_back("how the scanner took its slices: " + words);
 }
 
 /// Of a pair the voxels lie beside the header.
@@ -333,7 +345,6 @@ RawLayout Reader::layout() const {
     read_geometry(layout);
     read_values(layout.header);
     read_attributes(layout);
-    name_slices(layout);
     find_voxels(layout);
     use_ours(layout);
     layout.header = in_utf8(std::move(layout.header));
@@ -378,7 +389,8 @@ std::array<double, 3> quaternion(Geometry const& g) {
     return q;
 }
 
-void put_codes(NiftiFields& f, Header const& header, Geometry const& g) {
+/// `other`: where the qform has the lattice, if that is elsewhere.
+void put_codes(NiftiFields& f, Header const& header, Geometry const& g, std::optional<Geometry> const& other) {
     auto const s = code_of(header, "sform_code"), q = code_of(header, "qform_code");
     std::int64_t const usual = is_anatomical(frame_of(header)) ? scanner : aligned;
     f.sform_code = s.value_or(q.value_or(0) > 0 ? 0 : usual);
@@ -386,7 +398,7 @@ void put_codes(NiftiFields& f, Header const& header, Geometry const& g) {
     // Without a code the place must be the one that readers assume.
     if (f.sform_code == 0 && f.qform_code == 0 && !same_geometry(g, base_geometry(header.dims, g.spacing)))
         f.sform_code = f.qform_code = usual;
-    if (f.qform_code == 0 || is_orthonormal(g)) return;
+    if (f.qform_code == 0 || other || is_orthonormal(g)) return;
     if (f.sform_code == 0) f.sform_code = f.qform_code;
     f.qform_code = 0; // a quaternion has no shear
 }
@@ -424,23 +436,46 @@ Header in_one_unit(Header header) {
         set_axis(g, axis, scaled(g.direction[static_cast<std::size_t>(axis)] * g.spacing[axis]), "the spacing");
     g.origin = scaled(g.origin);
     found->second = "\"mm\" \"mm\" \"mm\"";
+    header.attributes.erase(qform_map); // between worlds of another unit
     return header;
 }
 
 void put_place(NiftiFields& f, Header const& header) {
-    Geometry const g = geometry_in(ras_frame, header);
+    Geometry const g = geometry_in(nifti_frame, header);
     for (int axis = 0; axis < 3; ++axis) {
         auto const a = static_cast<std::size_t>(axis);
         for (int row = 0; row < 3; ++row)
             f.srow[static_cast<std::size_t>(row) * 4 + a] = g.direction[a][row] * g.spacing[axis];
         f.srow[a * 4 + 3] = g.origin[axis];
-        f.qoffset[a] = g.origin[axis];
-        f.pixdim[a + 1] = g.spacing[axis];
     }
-    put_codes(f, header, g);
-    bool const left_handed = dot(g.direction[0], cross(g.direction[1], g.direction[2])) < 0;
+    std::optional<Geometry> other = qform_of(header, g);
+    // Alone, the qform is the place itself.
+    if (code_of(header, "sform_code").value_or(0) == 0 || code_of(header, "qform_code").value_or(0) == 0) other.reset();
+    put_codes(f, header, g, other);
+    Geometry const& q = other ? *other : g;
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const a = static_cast<std::size_t>(axis);
+        f.qoffset[a] = q.origin[axis];
+        f.pixdim[a + 1] = q.spacing[axis];
+    }
+    bool const left_handed = dot(q.direction[0], cross(q.direction[1], q.direction[2])) < 0;
     f.pixdim[0] = left_handed ? -1 : 1;
-    if (is_orthonormal(g)) f.quatern = quaternion(g);
+    if (is_orthonormal(q)) f.quatern = quaternion(q);
+}
+
+/// Several axes of channels, if they are as many.
+void put_channel_dims(NiftiFields& f, Header const& header, std::int64_t channels) {
+    auto const found = header.attributes.find(channel_dims);
+    if (found == header.attributes.end()) return;
+    std::vector<std::int64_t> extents;
+    for (std::string const& word : words_of(found->second)) extents.push_back(integer_in(word).value_or(0));
+    if (extents.size() < 2 || extents.size() > 3) return;
+    std::int64_t product = 1;
+    for (std::int64_t const n : extents)
+        if (n < 1 || __builtin_mul_overflow(product, n, &product)) return;
+    if (product != channels) return;
+    f.dim[0] = 4 + std::ssize(extents);
+    std::copy(extents.begin(), extents.end(), f.dim.begin() + 5);
 }
 
 /// Takes what lies beside a header of this name, if anything does; of NAME.hdr what should.
@@ -493,26 +528,30 @@ NiftiFields nifti_fields(Header const& volume, std::int64_t volumes, std::int64_
     for (auto const& entry : type_codes)
         if (entry.type == header.dtype) f.datatype = entry.code;
     f.bitpix = static_cast<std::int64_t>(8 * size_of(header.dtype));
+    if (channels > 1) put_channel_dims(f, header, channels);
     put_place(f, header);
     f.pixdim[4] = f.pixdim[5] = f.pixdim[6] = f.pixdim[7] = 1;
     if (series) {
         double const step = number_of(header, "sequence step").value_or(0);
         f.pixdim[4] = std::isfinite(step) ? std::abs(step) : 0; // 0: nobody said it
-        double const position = number_of(header, "sequence position").value_or(0);
-        f.toffset = std::isfinite(position) ? position : 0;
     }
+    auto const position = number_of(header, "sequence position");
+    if (position && std::isfinite(*position)) f.toffset = *position;
     f.scl_slope = header.values.slope;
     f.scl_inter = header.values.intercept;
     if (static_cast<float>(f.scl_slope) == 0)
         throw Error(ErrorKind::usage, text("NIfTI cannot hold the slope ", f.scl_slope),
                     "store physical values: vkt convert --dtype float32");
     f.xyzt_units = unit_code(header, "space units", space_bits);
-    if (series) f.xyzt_units |= unit_code(header, sequence_units, time_bits);
+    if (series || position) f.xyzt_units |= unit_code(header, sequence_units, time_bits);
     for (auto const& field : number_fields)
         if (auto const value = number_of(header, field.name); value && std::isfinite(*value)) field.set(f, *value);
     for (auto const& field : word_fields)
         if (auto const found = header.attributes.find(field.name); found != header.attributes.end())
             f.*field.field = found->second;
+    // Of one colour alone it is none.
+    if ((f.intent_code == rgb_intent && channels != 3) || (f.intent_code == rgba_intent && channels != 4))
+        f.intent_code = 0;
     return f;
 }
 

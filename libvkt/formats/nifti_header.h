@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace vkt {
@@ -25,7 +26,7 @@ struct NiftiFields {
     std::int64_t intent_code = 0;
     std::array<double, 3> intent_p{};
     std::string intent_name, descrip, aux_file;
-    /// How the scanner went through the slices, and which axes it encoded: told and not kept, since voxels move.
+    /// How the scanner went through the slices, and which axes it encoded.
     std::int64_t slice_code = 0, slice_start = 0, slice_end = 0, dim_info = 0;
     double slice_duration = 0;
 
@@ -43,6 +44,9 @@ struct NiftiHeader {
     std::string comment;               ///< text that others wrote into extensions
     std::vector<std::string> not_read; ///< other extensions
 };
+
+/// The frame of the format.
+inline constexpr std::string_view nifti_frame = "right-anterior-superior";
 
 /// Attribute of that text.
 inline constexpr char const* nifti_comment = "comment";

@@ -138,6 +138,8 @@ void GridsSource::open() {
     request.put(std::int64_t{options_.force_uniform});
     request.put(std::int64_t{options_.personal});
     request.put(std::int64_t{options_.trust_paths});
+    request.put(static_cast<std::int64_t>(options_.together.size()));
+    for (std::string const& file : options_.together) request.put(file);
     Message answer = child_->ask(request);
     grids_ = grids_in(answer);
     check_answer();
@@ -386,6 +388,7 @@ ParserHandler answer_about_grids(std::function<std::unique_ptr<GridsParser>()> m
             choice.force_uniform = request.number() != 0;
             choice.personal = request.number() != 0;
             choice.trust_paths = request.number() != 0;
+            for (std::int64_t n = request.number(); n > 0; --n) choice.together.push_back(request.text());
             put(answer, file->open(choice));
             return;
         }

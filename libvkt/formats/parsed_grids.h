@@ -39,10 +39,11 @@ struct ParsedGrids {
 
 /// What of a file is wanted, and how.
 struct GridsChoice {
-    std::string variable;       ///< may be empty
-    bool force_uniform = false; ///< as of ReadOptions
-    bool personal = false;      ///< as of ReadOptions
-    bool trust_paths = false;   ///< as of ReadOptions
+    std::string variable;              ///< may be empty
+    bool force_uniform = false;        ///< as of ReadOptions
+    bool personal = false;             ///< as of ReadOptions
+    bool trust_paths = false;          ///< as of ReadOptions
+    std::vector<std::string> together; ///< as of ReadOptions
 };
 
 /// The reader of an open file; runs in a child and may crash.

@@ -8,6 +8,7 @@
 #include "libvkt/io/system_error.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <filesystem>
@@ -27,18 +28,25 @@ constexpr std::int64_t piece = std::int64_t{256} << 10;
 /// What is skipped in a stream is read into a block of this size.
 constexpr std::int64_t waste_block = std::int64_t{128} << 10;
 
-template <class T> void swap_all(std::byte* data, std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i) {
-        T value;
-        std::memcpy(&value, data + i * sizeof(T), sizeof(T));
-        if constexpr (sizeof(T) == 2)
-            value = __builtin_bswap16(value);
-        else if constexpr (sizeof(T) == 4)
-            value = __builtin_bswap32(value);
-        else
-            value = __builtin_bswap64(value);
-        std::memcpy(data + i * sizeof(T), &value, sizeof(T));
+/// The bytes of all values of `size` bytes in a word, by shifts that compilers do in vectors on every machine.
+template <std::size_t size> std::uint64_t swapped(std::uint64_t word) {
+    constexpr std::uint64_t bytes = 0x00ff00ff00ff00ff, pairs = 0x0000ffff0000ffff;
+    word = (word & bytes) << 8 | (word >> 8 & bytes);
+    if constexpr (size >= 4) word = (word & pairs) << 16 | (word >> 16 & pairs);
+    if constexpr (size == 8) word = word << 32 | word >> 32;
+    return word;
+}
+
+template <std::size_t size> void swap_all(std::byte* data, std::size_t n) {
+    // So many that the loop over them has no rest.
+    std::array<std::uint64_t, 16> words{};
+    std::size_t left = n * size;
+    for (; left >= sizeof words; data += sizeof words, left -= sizeof words) {
+        std::memcpy(words.data(), data, sizeof words);
+        for (std::uint64_t& word : words) word = swapped<size>(word);
+        std::memcpy(data, words.data(), sizeof words);
     }
+    for (; left > 0; data += size, left -= size) std::reverse(data, data + size);
 }
 
 std::int64_t product(std::int64_t a, std::int64_t b, std::string const& name) {
@@ -450,9 +458,9 @@ std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout 
 }
 
 void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {
-    if (size == 2) swap_all<std::uint16_t>(data, n);
-    if (size == 4) swap_all<std::uint32_t>(data, n);
-    if (size == 8) swap_all<std::uint64_t>(data, n);
+    if (size == 2) swap_all<2>(data, n);
+    if (size == 4) swap_all<4>(data, n);
+    if (size == 8) swap_all<8>(data, n);
 }
 
 std::string beside(std::string const& header_name, std::string const& file, bool trusted) {

@@ -163,12 +163,13 @@ private:
         };
         if (single) {
             double const stated = spacing;
+            for (std::size_t i = 1; i < origins_.size(); ++i)
+                if (!(length_along(origins_[i] - origins_[i - 1], axis) > 0))
+                    throw Error(ErrorKind::data,
+                                text("'", layers_[i].path, "' does not lie above '", layers_[i - 1].path, "'"),
+                                "name the slices in ascending order");
             spacing = length_along(offset(origins_.size() - 1), axis) / static_cast<double>(slices_ - 1);
             if (std::abs(spacing / stated - 1) < 1e-6) spacing = stated; // but for rounding
-            if (!(spacing > 0))
-                throw Error(ErrorKind::data,
-                            text("'", layers_.back().path, "' does not lie above '", layers_.front().path, "'"),
-                            "name the slices in ascending order; --force-uniform takes them as they are named");
         }
         auto const lies = [&](std::size_t i, double distance) {
             double const at = distance * static_cast<double>(layers_[i].first);
@@ -320,6 +321,27 @@ private:
     bool open_ = false; ///< within a volume
 };
 
+/// With a step of its history.
+class RecordedSource : public SourceDecorator {
+public:
+    RecordedSource(std::unique_ptr<Source> source, StageInfo info)
+        : SourceDecorator(std::move(source)), info_(std::move(info)) {}
+
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        header_ = inner().header();
+        if (!info_.words.empty()) header_.history = folded(history_step(info_, {inner().header()}));
+        return true;
+    }
+    Header const& header() const override { return header_; }
+    bool narrow(Roi const& /*roi*/, WorldRoi const& /*world_roi*/) override { return false; }
+    std::optional<Volume> take_whole() override { return std::nullopt; }
+
+private:
+    StageInfo info_;
+    Header header_;
+};
+
 /// The slices in a folder, in the order of their numbers; none if it is something else.
 std::vector<std::string> slices_in(std::string const& path) {
     namespace fs = std::filesystem;
@@ -381,6 +403,19 @@ std::unique_ptr<Source> stacked(std::vector<std::string> paths, OpenInput open, 
     if (!along && !single) return series(std::move(inputs));
     Header header = common.whole(force_uniform, info);
     return std::make_unique<StackedSource>(std::move(inputs), common.layers(), std::move(header), access);
+}
+
+std::unique_ptr<Source> stacked_dicom(std::vector<std::string> const& paths, OpenTogether const& open,
+                                      std::string const& variable, bool force_uniform, StageInfo const& info) {
+    if (paths.size() < 2 || !are_dicom_files(paths)) return nullptr;
+    // Files of several frames are volumes already.
+    auto const first = open(paths.front(), {});
+    if (!first->next_volume() || first->header().dims.z != 1) return nullptr;
+    ReadOptions together;
+    together.together = paths;
+    together.variable = variable;
+    together.force_uniform = force_uniform;
+    return std::make_unique<RecordedSource>(open(paths.front(), together), info);
 }
 
 std::unique_ptr<Source> slices_of(std::unique_ptr<Source> source, StageInfo info) {

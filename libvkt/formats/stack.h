@@ -4,6 +4,7 @@
 
 #include "libvkt/core/parameters.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/formats/format.h"
 
 #include <functional>
 #include <memory>
@@ -31,6 +32,14 @@ using OpenInput = std::function<std::unique_ptr<Source>(std::string const& path)
 /// Error{usage} for a mixture. Files are opened when they are read, at most 64 at a time; pipes at once.
 std::unique_ptr<Source> stacked(std::vector<std::string> paths, OpenInput open, std::optional<StackAxis> along,
                                 bool force_uniform, StageInfo const& info);
+
+/// Opens several files as one input, of which `together` are ReadOptions.
+using OpenTogether = std::function<std::unique_ptr<Source>(std::string const& first, ReadOptions const& together)>;
+
+/// The volume of DICOM images, each a file: sorted and checked as those of a folder are, in whatever order they are
+/// named. Null if these are no such files. `variable` chooses one of several series.
+std::unique_ptr<Source> stacked_dicom(std::vector<std::string> const& paths, OpenTogether const& open,
+                                      std::string const& variable, bool force_uniform, StageInfo const& info);
 
 /// What a path stands for: the volume that its slices make, for a folder of pictures or TIFF files, or a path with a
 /// number's place (slice%04d.tif); the volumes of all files that a pattern matches, one after another; or a file.

@@ -97,10 +97,12 @@ public:
         }
         if (at >= size_) return at == size_ && size_ > 132;
         if (at == 0 && number(0, 2) > 0xff) return true; // big-endian, and does not say so
-        implicit_ = next_implicit_.value_or(!has_type(at));
+        // Some say that types are written and do not write them.
+        implicit_ = next_implicit_.value_or(false) || !has_type(at);
         big_ = next_big_;
         return list(at, 0) != cut;
     }
+    std::int64_t pixels_at() const { return pixels_at_; }
 
 private:
     static constexpr std::int64_t cut = -1, unknown = -2;
@@ -159,7 +161,10 @@ private:
             if (!fits(at, 8)) return cut;
             Element const e = element(at);
             if (!e.known) return unknown;
-            if (e.tag == pixels && depth == 0) return at;
+            if (e.tag == pixels && depth == 0) {
+                pixels_at_ = e.value;
+                return at;
+            }
             if (e.tag == end_of_item || e.tag == end_of_items) return e.value;
             if (e.length >= 0) {
                 if (!fits(e.value, e.length)) return cut;
@@ -173,13 +178,17 @@ private:
     }
 
     std::istream& stream_;
-    std::int64_t size_ = 0;
+    std::int64_t size_ = 0, pixels_at_ = -1;
     std::optional<bool> next_implicit_;
     bool next_big_ = false, implicit_ = false, big_ = false;
 };
 
 } // namespace
 
-bool whole_elements(std::istream& stream) { return ElementWalk(stream).whole(); }
+ElementsFound look_at_elements(std::istream& stream) {
+    ElementWalk walk(stream);
+    bool const whole = walk.whole();
+    return {whole, walk.pixels_at()};
+}
 
 } // namespace vkt::dicom

@@ -48,8 +48,12 @@ gdcm::SmartPointer<gdcm::SequenceOfItems> sequence(gdcm::DataSet const& set, std
 
 std::optional<gdcm::DataSet> first_item(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element);
 
-/// Whether the elements of a file end where they say, up to its pixels: GDCM may end the process for one that is cut
-/// short among them. What is no plain list of elements is left to GDCM.
-bool whole_elements(std::istream& stream);
+struct ElementsFound {
+    bool whole = true;        ///< they end where they say, up to the pixels
+    std::int64_t pixels = -1; ///< where the value of those begins; -1: not found
+};
+/// Looks at the elements of a file up to its pixels: GDCM may end the process for one that is cut short among them.
+/// What is no plain list of elements is left to GDCM.
+ElementsFound look_at_elements(std::istream& stream);
 
 } // namespace vkt::dicom

@@ -32,6 +32,7 @@ public:
     explicit SliceFinder(Input& input) : input_(input) {}
 
     void list_files(bool trust_paths, std::vector<std::string>& not_read);
+    void read_listed(std::vector<std::string> const& files, std::vector<std::string>& not_read);
     std::vector<Slice> found() && { return std::move(all_); }
 
 private:
@@ -54,14 +55,15 @@ bool SliceFinder::read_file(std::string const& file) {
         if (!begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return false;
         stream.clear();
     }
-    if (!whole_elements(stream))
+    ElementsFound const elements = look_at_elements(stream);
+    if (!elements.whole)
         throw Error(ErrorKind::data, text("'", input_.full(file), "': ended early: it has no whole header"),
-                    input_.folder ? "copy it again, or remove it from the folder" : "");
+                    input_.folder ? "copy it again, or " + input_.removal() : "");
     gdcm::Reader reader;
     reader.SetStream(stream);
     // Anything but the pixels.
     if (!reader.ReadUpToTag(pixel_data, {pixel_data})) {
-        if (input_.folder) input_.fail(text("'", file, "' is damaged, or no DICOM file"), "remove it from the folder");
+        if (input_.folder) input_.fail(text("'", file, "' is damaged, or no DICOM file"), input_.removal());
         input_.fail("damaged: GDCM cannot read it");
     }
     gdcm::DataSet const& set = reader.GetFile().GetDataSet();
@@ -103,7 +105,7 @@ bool SliceFinder::read_file(std::string const& file) {
     s.frames = std::clamp<std::int64_t>(whole(0x0028, 0x0008), 1, std::int64_t{1} << 24);
     if (all_.size() + static_cast<std::size_t>(s.frames) > most_files)
         input_.fail("holds more images than vkt reads at once");
-    check_pixels(stream, reader.GetFile(), input_, s);
+    check_pixels(stream, reader.GetFile(), input_, elements.pixels, s);
     read_plane(set, s);
     if (!s.placed) // of nuclear medicine, where the frames of a detector lie
         if (auto const detector = first_item(set, 0x0054, 0x0022)) read_plane(*detector, s);
@@ -175,6 +177,12 @@ void SliceFinder::list_files(bool trust_paths, std::vector<std::string>& not_rea
     if (all_.empty()) input_.fail("holds no DICOM images");
 }
 
+void SliceFinder::read_listed(std::vector<std::string> const& files, std::vector<std::string>& not_read) {
+    if (files.size() > most_files) input_.fail("and others are more files than vkt reads at once");
+    read_files(files, not_read);
+    if (all_.empty()) input_.fail("and those that were named with it hold no DICOM images");
+}
+
 /// Names are those of a disc, whose files may have got small letters since.
 void SliceFinder::list_records(bool trust_paths, std::vector<std::string>& not_read) {
     std::vector<std::string> names;
@@ -217,9 +225,13 @@ void SliceFinder::read_files(std::vector<std::string> const& names, std::vector<
 
 } // namespace
 
-std::vector<Slice> find_slices(Input& input, bool trust_paths, std::vector<std::string>& not_read) {
+std::vector<Slice> find_slices(Input& input, std::vector<std::string> const& files, bool trust_paths,
+                               std::vector<std::string>& not_read) {
     SliceFinder finder(input);
-    finder.list_files(trust_paths, not_read);
+    if (files.empty())
+        finder.list_files(trust_paths, not_read);
+    else
+        finder.read_listed(files, not_read);
     return std::move(finder).found();
 }
 

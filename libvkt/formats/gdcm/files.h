@@ -10,8 +10,10 @@
 
 namespace vkt::dicom {
 
-/// Every slice there is, at least one, each image once. A DICOMDIR makes the input a folder. What is left out is added
-/// to `not_read`. Throws Error{data} for files that are damaged or hold what vkt does not read.
-std::vector<Slice> find_slices(Input& input, bool trust_paths, std::vector<std::string>& not_read);
+/// Every slice there is, of these files if any are named, at least one, each image once. A DICOMDIR makes the input a
+/// folder. What is left out is added to `not_read`. Throws Error{data} for files that are damaged or hold what vkt does
+/// not read.
+std::vector<Slice> find_slices(Input& input, std::vector<std::string> const& files, bool trust_paths,
+                               std::vector<std::string>& not_read);
 
 } // namespace vkt::dicom

@@ -54,7 +54,7 @@ bool unpack_runs(std::span<unsigned char const> from, std::span<char> to, std::s
 
 } // namespace
 
-void check_pixels(std::istream& stream, gdcm::File const& file, Input const& input, Slice& slice) {
+void check_pixels(std::istream& stream, gdcm::File const& file, Input const& input, std::int64_t found, Slice& slice) {
     gdcm::TransferSyntax const syntax = file.GetHeader().GetDataSetTransferSyntax();
     // Places in a deflated file are none in what it holds.
     if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) return;
@@ -76,8 +76,13 @@ void check_pixels(std::istream& stream, gdcm::File const& file, Input const& inp
         };
         return tag || big ? half(0) << 16 | half(2) : half(2) << 16 | half(0);
     };
-    if (at < 12 || at > size || (word(at - 12, true) != 0x7fe00010 && word(at - 8, true) != 0x7fe00010))
-        refuse("it has no pixels");
+    auto const begin_at = [&](std::int64_t place) {
+        return place >= 12 && place <= size &&
+               (word(place - 12, true) == 0x7fe00010 || word(place - 8, true) == 0x7fe00010);
+    };
+    // Where types are missing that a file claims to write, GDCM goes on to its end.
+    if (!begin_at(at)) at = found;
+    if (!begin_at(at)) refuse("it has no pixels");
     std::uint32_t const length = word(at - 4, false);
     constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
     if (length != undefined) {

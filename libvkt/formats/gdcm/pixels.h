@@ -17,8 +17,9 @@ namespace vkt::dicom {
 
 /// Notes where the pixels lie that no library needs to decode. Throws Error{data} for those that are cut short, since
 /// GDCM takes zeros for what a file that was cut short lacks. The stream is behind the head of the pixel data, where
-/// GDCM leaves it; the four bytes before it are their length.
-void check_pixels(std::istream& stream, gdcm::File const& file, Input const& input, Slice& slice);
+/// GDCM leaves it, or their value begins at `found`, below 0 if nobody knows; the four bytes before it are their
+/// length.
+void check_pixels(std::istream& stream, gdcm::File const& file, Input const& input, std::int64_t found, Slice& slice);
 
 /// Decodes frames, and keeps what was decoded last.
 class FrameDecoder {

@@ -54,7 +54,12 @@ private:
 ParsedGrids DicomFiles::open(GridsChoice const& choice) {
     std::string const& variable = choice.variable;
     ParsedGrids grids;
-    std::vector<std::vector<Slice>> series = groups(find_slices(input_, choice.trust_paths, grids.not_read));
+    if (!choice.together.empty()) {
+        input_.base.clear();
+        input_.folder = input_.listed = true;
+    }
+    std::vector<std::vector<Slice>> series =
+        groups(find_slices(input_, choice.together, choice.trust_paths, grids.not_read));
     // Named by the number of the series; what has none, or shares it, by place.
     std::vector<std::string> names;
     for (auto const& group : series) {

@@ -208,8 +208,9 @@ std::vector<Slice> arrange(Input const& input, std::vector<Slice> slices, bool f
             input.fail(text("its images lie in the same places unequally often: ", static_cast<std::int64_t>(runs[0]),
                             " times at ", input.shown(slices.front()), ", ", static_cast<std::int64_t>(runs[i]),
                             " times at ", input.shown(slices[k])),
-                       input.folder ? "put the images of one volume into a folder of their own"
-                                    : "some of its frames are missing: copy it again from where it was made");
+                       input.listed   ? "name those of one volume only"
+                       : input.folder ? "put the images of one volume into a folder of their own"
+                                      : "some of its frames are missing: copy it again from where it was made");
     std::size_t const volumes = runs[0], n = runs.size();
     if (!force_uniform) check_membership(input, slices, volumes);
     std::vector<Slice> sorted;

@@ -31,6 +31,7 @@ ChosenDataset::ChosenDataset(Datasets const& all, Dataset const& one) : all_(all
     space_.emplace(H5Dget_space(*data_), H5Sclose);
     shape_ = one.shape;
     element_ = size_of(one.type);
+    parts_ = one.complex ? 2 : 1;
 }
 
 void ChosenDataset::find_axes(ParsedGrids& grids) {
@@ -38,7 +39,8 @@ void ChosenDataset::find_axes(ParsedGrids& grids) {
         if (std::string const absent = absent_filter(creation); !absent.empty())
             fail(text("dataset '", path_, "' is compressed by ", absent, ", which is not read"),
                  "where that filter is: h5repack -f GZIP=4 in.h5 out.h5");
-    // The last dimensions with more than one sample, the last one x; a first one of times enumerates volumes.
+    // The last dimensions with more than one sample, the last one x; a first one of times enumerates volumes, and so do
+    // those before the third from the end.
     int next = 0;
     auto const rank = static_cast<int>(shape_.size());
     for (hsize_t const n : shape_)
@@ -51,10 +53,8 @@ void ChosenDataset::find_axes(ParsedGrids& grids) {
     for (int k = rank - 1; k >= 0; --k) {
         bool const named = !names.empty() && enumerates(names[static_cast<std::size_t>(k)]);
         if (!named && shape_[static_cast<std::size_t>(k)] == 1 && (rank > 4 || next >= 3)) continue;
-        if (!named && next == 4)
-            fail(text("dataset '", path_, "' has more than four dimensions"), "take a part of it with h5py");
         bool const first_of_times = k == times && next >= 1;
-        if (named || first_of_times || next == 3)
+        if (named || first_of_times || next >= 3)
             leading_.insert(leading_.begin(), k);
         else
             axis_[static_cast<std::size_t>(next)] = k;
@@ -65,7 +65,11 @@ void ChosenDataset::find_axes(ParsedGrids& grids) {
     for (int a = 0; a < 3; ++a)
         if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0)
             grids.header.dims[a] = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]);
-    for (int const k : leading_) grids.volumes *= static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]);
+    grids.volumes = parts_;
+    for (int const k : leading_)
+        if (__builtin_mul_overflow(grids.volumes, static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]),
+                                   &grids.volumes))
+            fail(text("dataset '", path_, "' is of more volumes than any file can have"));
 }
 
 void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
@@ -75,7 +79,7 @@ void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
             start[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.lower[a]);
             count[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.dims()[a]);
         }
-    auto rest = static_cast<hsize_t>(volume);
+    auto rest = static_cast<hsize_t>(volume / parts_);
     for (std::size_t i = leading_.size(); i-- > 0;) {
         auto const k = static_cast<std::size_t>(leading_[i]);
         start[k] = rest % shape_[k];
@@ -83,7 +87,7 @@ void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
     }
     // Of the same shape: HDF5 looks up the chunk of every element otherwise, thirty times as long.
     Handle const memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose),
-        type = memory_type(*type_);
+        type = parts_ > 1 ? part_type(*type_, static_cast<int>(volume % parts_)) : memory_type(*type_);
     H5Sselect_hyperslab(*space_, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
     if (H5Dread(*data_, type, memory, *space_, H5P_DEFAULT, to) < 0)
         fail("damaged: voxels cannot be read, or are compressed in a way that this HDF5 does not know");

@@ -36,6 +36,7 @@ private:
     void read_scales(ParsedGrids& grids);
     void read_series(Header& header);
     void say_places(ParsedGrids& grids) const;
+    void say_parts(ParsedGrids& grids) const;
     void use_ours(Header& header, std::string const& json) const;
     void find_chunks(std::vector<hsize_t> const& chunk, ParsedGrids& grids) const;
 
@@ -47,7 +48,8 @@ private:
     std::vector<int> leading_;            ///< those that enumerate volumes, slowest first
     /// Of each of these, what is said of its entries; may be empty.
     std::vector<std::vector<std::map<std::string, std::string>>> leading_places_;
-    std::size_t element_ = 1;
+    std::size_t element_ = 1; ///< bytes of a voxel
+    std::int64_t parts_ = 1;  ///< of each element, which are volumes of their own
 };
 
 } // namespace vkt::hdf5

@@ -61,11 +61,12 @@ std::string Datasets::look_at(hid_t set, std::string const& path) {
     Handle const type(H5Dget_type(set), H5Tclose), space(H5Dget_space(set), H5Sclose);
     int const rank = H5Sget_simple_extent_ndims(space);
     if (rank < 1 || H5Sget_simple_extent_type(space) != H5S_SIMPLE) return "no array";
-    auto const kind = type_of(type);
+    auto const part = complex_part(type), kind = part ? part : type_of(type);
     if (!kind) return other_elements(type);
     Dataset one;
     one.path = path;
     one.type = *kind;
+    one.complex = part.has_value();
     one.shape.resize(static_cast<std::size_t>(rank));
     H5Sget_simple_extent_dims(space, one.shape.data(), nullptr);
     // The classic NetCDF has no types without a sign.

@@ -14,7 +14,8 @@ namespace vkt::hdf5 {
 
 struct Dataset {
     std::string path;
-    DataType type = DataType::float32;
+    DataType type = DataType::float32; ///< of each part
+    bool complex = false;              ///< two parts in each voxel
     std::vector<hsize_t> shape;
     bool scale = false; ///< it only says where others lie, or what others are
     std::string bounds; ///< of cells whose places it says: a dataset beside it

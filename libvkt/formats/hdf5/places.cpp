@@ -18,6 +18,7 @@ namespace vkt::hdf5 {
 namespace {
 
 constexpr hsize_t longest_scale = hsize_t{1} << 24;
+constexpr std::int64_t most_numbered = std::int64_t{1} << 20;
 
 } // namespace
 
@@ -149,16 +150,48 @@ void ChosenDataset::read_series(Header& header) {
 void ChosenDataset::say_places(ParsedGrids& grids) const {
     bool const any =
         std::any_of(leading_places_.begin(), leading_places_.end(), [](auto const& p) { return !p.empty(); });
-    for (std::int64_t v = 0; any && v < grids.volumes; ++v) {
+    // Of several of which nobody says what they are, all but the last number channels, as the fifth of NIfTI does.
+    std::vector<bool> numbers(leading_.size());
+    if (leading_.size() > 1 && labels().empty())
+        for (std::size_t i = 0; i < leading_.size(); ++i) numbers[i] = leading_places_[i].empty();
+    if (!any && !numbers.empty()) numbers.back() = false;
+    bool const numbered = std::find(numbers.begin(), numbers.end(), true) != numbers.end();
+    if ((numbered || parts_ > 1) && grids.volumes > most_numbered)
+        fail(text("dataset '", path_, "' is of ", grids.volumes, " volumes, more than are numbered"),
+             "take a part of it with h5py");
+    for (std::int64_t v = 0; (any || numbered) && v < grids.volumes / parts_; ++v) {
         auto& said = grids.attributes.emplace_back();
         auto rest = static_cast<std::size_t>(v);
+        std::int64_t channel = 0, step = 1;
         for (std::size_t i = leading_.size(); i-- > 0;) {
             auto const n = static_cast<std::size_t>(shape_[static_cast<std::size_t>(leading_[i])]);
             if (!leading_places_[i].empty())
                 said.insert(leading_places_[i][rest % n].begin(), leading_places_[i][rest % n].end());
+            if (numbers[i]) {
+                channel += step * static_cast<std::int64_t>(rest % n);
+                step *= static_cast<std::int64_t>(n);
+            }
             rest /= n;
         }
+        if (numbered) said["channel"] = to_text(channel);
     }
+}
+
+/// The parts of complex numbers are channels, of each volume or of each channel.
+void ChosenDataset::say_parts(ParsedGrids& grids) const {
+    if (parts_ == 1) return;
+    std::vector<std::map<std::string, std::string>> all;
+    for (std::int64_t v = 0; v < grids.volumes; ++v) {
+        auto said = grids.attributes.empty() ? std::map<std::string, std::string>{}
+                                             : grids.attributes[static_cast<std::size_t>(v / parts_)];
+        auto const found = said.find("channel");
+        if (found != said.end() && !integer_in(found->second))
+            found->second += v % parts_ == 0 ? " real" : " imaginary";
+        else
+            said["channel"] = to_text((found == said.end() ? 0 : *integer_in(found->second)) * parts_ + v % parts_);
+        all.push_back(std::move(said));
+    }
+    grids.attributes = std::move(all);
 }
 
 void ChosenDataset::read_about(ParsedGrids& grids) {
@@ -192,6 +225,7 @@ void ChosenDataset::read_about(ParsedGrids& grids) {
     use_ours(header, words(data, header_attribute));
     read_series(header);
     say_places(grids);
+    say_parts(grids);
 }
 
 /// What vkt wrote has all of the header, and counts as long as spacing and origin are still those written with it.

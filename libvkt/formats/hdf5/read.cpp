@@ -57,7 +57,7 @@ Dataset const& File::choose(std::string const& variable, ParsedGrids& grids) {
             std::string shape;
             for (std::size_t k = d.shape.size(); k-- > 0;)
                 shape += text(shape.empty() ? "" : " x ", static_cast<std::int64_t>(d.shape[k]));
-            grids.choices.emplace_back(d.path, text(d.type, ", ", shape));
+            grids.choices.emplace_back(d.path, text(d.complex ? "complex " : "", d.type, ", ", shape));
         }
     else
         chosen = choose_variable(all, wanted, all_.path());

@@ -62,6 +62,25 @@ std::optional<DataType> type_of(hid_t type) {
     }
 }
 
+std::optional<DataType> complex_part(hid_t type) {
+    if (H5Tget_class(type) != H5T_COMPOUND || H5Tget_nmembers(type) != 2) return std::nullopt;
+    int const r = H5Tget_member_index(type, "r"), i = H5Tget_member_index(type, "i");
+    if (r < 0 || i < 0) return std::nullopt;
+    Handle const real(H5Tget_member_type(type, static_cast<unsigned>(r)), H5Tclose),
+        imaginary(H5Tget_member_type(type, static_cast<unsigned>(i)), H5Tclose);
+    auto const kind = type_of(real);
+    return kind && plain(real) && H5Tequal(real, imaginary) > 0 ? kind : std::nullopt;
+}
+
+Handle part_type(hid_t type, int part) {
+    char const* const name = part == 0 ? "r" : "i";
+    Handle const member(H5Tget_member_type(type, static_cast<unsigned>(H5Tget_member_index(type, name))), H5Tclose),
+        own = memory_type(member);
+    Handle result(H5Tcreate(H5T_COMPOUND, H5Tget_size(own)), H5Tclose);
+    H5Tinsert(result, name, 0, own);
+    return result;
+}
+
 DataType with_sign(DataType type, bool sign) {
     switch (type) {
     case DataType::uint8:
@@ -99,6 +118,7 @@ std::string other_elements(hid_t type) {
 
 bool plain(hid_t type) {
     std::size_t const size = H5Tget_size(type);
+    if (H5Tget_class(type) == H5T_COMPOUND) return false; // of complex numbers
     return H5Tget_class(type) != H5T_INTEGER ||
            (H5Tget_precision(type) == 8 * size && (size == 1 || size == 2 || size == 4 || size == 8));
 }

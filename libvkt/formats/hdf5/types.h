@@ -15,6 +15,11 @@ namespace vkt::hdf5 {
 /// None of what no voxel can be.
 std::optional<DataType> type_of(hid_t type);
 
+/// Of complex numbers as h5py writes them, structures of r and i, the type of both; none of anything else.
+std::optional<DataType> complex_part(hid_t type);
+/// The real (0) or imaginary part (1) of complex numbers, in this machine's byte order.
+Handle part_type(hid_t type, int part);
+
 DataType with_sign(DataType type, bool sign);
 
 /// What elements of a type are that no voxel can be.
