@@ -136,6 +136,8 @@ for roi in np.s_[0:2, 1:3, 0:5], np.s_[:2, 1:3, :5], ((0, 2), (1, 3), (0, 5)), [
 assert same(vkt.crop(volume, roi=np.s_[::2, 4, -3:]), vkt.crop(volume, roi="::2,4,-3:"))
 assert same(vkt.crop(volume, roi=((1, None), slice(None), ...)), vkt.crop(volume, roi="1:,:,:"))
 assert same(vkt.read("volume.nrrd", roi=np.s_[0:2, 1:3, 0:5]), want)
+assert same(vkt.pad(volume, by=((1, 2), (3, 4), slice(5, 6))), vkt.pad(volume, by="1:2,3:4,5:6"))
+assert same(vkt.threshold(volume, range=(1, 3)), vkt.threshold(volume, range="1:3"))
 assert same(vkt.transform(volume, "0 * v", roi=((0, 2), (1, 3), (0, 5))), vkt.fill(volume, value=0, roi="0:2,1:3,0:5"))
 (x0, y0, z0), step = volume.origin, volume.spacing
 world = [(x0, x0 + step[0]), (y0, y0 + step[1]), (None, None)]

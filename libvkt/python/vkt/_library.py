@@ -181,13 +181,17 @@ def _range_word(part):
 
 
 def option_words(options):
-    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out. Regions are
-    slices or pairs for x, y and z, and what KEY=VALUE sets is a dict as well."""
+    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out. Regions, and
+    what is added on each side, are slices or pairs for x, y and z, a range of values is a pair, and what KEY=VALUE sets
+    is a dict as well."""
     words = []
     for name, value in options.items():
         name = "--" + name.rstrip("_").replace("_", "-")
-        if name in ("--roi", "--roi-world") and isinstance(value, (list, tuple, np.ndarray)):
+        several = isinstance(value, (list, tuple, np.ndarray))
+        if name in ("--roi", "--roi-world", "--by") and several:
             value = ",".join(_range_word(part) for part in value)
+        elif name in ("--range", "--domain") and several:
+            value = _range_word(value)
         elif isinstance(value, dict):
             value = [f"{key}={'' if part is None else value_word(part)}" for key, part in value.items()] or None
         if value is True:
