@@ -627,6 +627,63 @@ assert all(abs((a[i + 1] - a[i]) % 360 - 90) < 1e-6 for i in range(3)), a"
     fails_with 2 "--orbit 0" vkt render $f --orbit 0 -o o-%d.png
 }
 
+@test "--keyframes moves the camera along a smooth way, and meets every key byte for byte" {
+    f=block_24x18x30_uint8.raw
+    cat >way.json <<'EOF'
+[{"eye": [60.5, -40.25, 31], "target": [11.5, 8.5, 14.5], "up": [0, 0.1, 1]},
+ {"eye": [-20, -50, 20], "target": [10, 9, 12], "fov": 24.5},
+ {"eye": [11, 8, 90], "target": [11, 8, 14], "up": [0, 1, 0], "fov": 40}]
+EOF
+    still() { vkt render $f --size 32 --eye="$1" --target="$2" --up="$3" --fov "$4" -o "$5"; }
+    for suffix in pfm png; do
+        vkt render $f --size 32 --keyframes way.json --frames 5 -o k-%d.$suffix
+        [ "$(ls k-*.$suffix | wc -l)" = 5 ]
+        still 60.5,-40.25,31 11.5,8.5,14.5 0,0.1,1 30 s-0.$suffix
+        still -20,-50,20 10,9,12 0,0,1 24.5 s-2.$suffix
+        still 11,8,90 11,8,14 0,1,0 40 s-4.$suffix
+    done
+    for i in 0 2 4; do
+        cmp k-$i.pfm s-$i.pfm
+        /usr/bin/python3 -c "$levels
+assert (levels('k-$i.png') == levels('s-$i.png')).all()"
+    done
+    run ! cmp -s k-1.pfm k-2.pfm
+    # One of each key without a number, and the list as a word.
+    vkt render $f --size 32 --keyframes "$(cat way.json)" -o w-%d.pfm
+    [ "$(ls w-*.pfm | wc -l)" = 3 ]
+    for i in 0 1 2; do cmp w-$i.pfm k-$((2 * i)).pfm; done
+    # Between two keys, against SciPy's slerp; pictures say their camera.
+    python_with scipy
+    vkt render $f --size 8 --keyframes '[{"eye": [50, 0, 10], "target": [1, 2, 3]}, {"eye": [3, 44, -20], "target": [5, 4, 3], "fov": 60}]' --frames 5 -o h-%d.png
+    for i in 0 1 2 3 4; do grep -a -o 'eye [^t]*target [^u]*up [^f]*fov [0-9.]*' h-$i.png | head -n 1; done >cameras
+    /usr/bin/python3 -c "
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+rows = [[float(w) for w in line.replace(',', ' ').split() if w[0] not in 'etuf'] for line in open('cameras')]
+eye, target, up, fov = (np.array([r[a:b] for r in rows]) for a, b in ((0, 3), (3, 6), (6, 9), (9, 10)))
+def axes(i):
+    back = eye[i] - target[i]; back /= np.linalg.norm(back)
+    right = np.cross(up[i], back); right /= np.linalg.norm(right)
+    return Rotation.from_matrix(np.c_[right, np.cross(back, right), back])
+between = Slerp([0, 1], Rotation.from_matrix([axes(0).as_matrix(), axes(4).as_matrix()]))
+distance = np.linalg.norm(eye - target, axis=1)
+assert len(eye) == 5
+for i in range(5):
+    t = i / 4
+    assert (axes(i) * between(t).inv()).magnitude() < 1e-9, i
+    assert np.allclose(target[i], target[0] + t * (target[4] - target[0]), atol=1e-9)
+    assert np.isclose(distance[i], distance[0] ** (1 - t) * distance[4] ** t, rtol=1e-9)
+    assert np.isclose(np.tan(np.radians(fov[i] / 2)), np.tan(np.radians(15)) ** (1 - t) * np.tan(np.radians(30)) ** t, rtol=1e-9)"
+    fails_with 2 "--keyframes makes several pictures" vkt render $f --keyframes way.json -o one.png
+    fails_with 2 "exclude" vkt render $f --keyframes way.json --fov 20 -o k-%d.png
+    fails_with 2 "exclude" vkt render $f --keyframes way.json --orbit 3 -o k-%d.png
+    fails_with 2 "--frames is for --keyframes" vkt render $f --frames 3 -o f-%d.png
+    fails_with 2 "--frames 0" vkt render $f --keyframes way.json --frames 0 -o f-%d.png
+    fails_with 4 "nowhere.json" vkt render $f --keyframes nowhere.json -o f-%d.png
+    fails_with 3 "keyframes are malformed" vkt render $f --keyframes '[{"eye": [1, 2, 3]}]' -o f-%d.png
+    [ -z "$(ls f-* 2>/dev/null)" ]
+}
+
 @test "an empty picture is said, and refused by --strict" {
     away="--eye 100,100,100 --target 200,200,200 --size 8"
     vkt render block_24x18x30_uint8.raw $away -o a.png 2>err

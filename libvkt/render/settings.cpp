@@ -3,6 +3,7 @@
 #include "libvkt/render/settings.h"
 
 #include "libvkt/formats/format.h"
+#include "libvkt/render/keyframes.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/transfer_file.h"
 
@@ -74,6 +75,9 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
     list.option("span", s.camera.span, "LENGTH", "orthographic: world length from bottom to top of the picture");
     list.option("orbit", orbit_, "N", "N numbered pictures, once around the z axis; the camera keeps its distance");
+    list.option("keyframes", keyframes_file_, "FILE",
+                "numbered pictures along a smooth way through these cameras: a JSON file, or the JSON itself");
+    list.option("frames", frames_, "N", "how many pictures --keyframes makes (default: one of each camera)");
     list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
     list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
@@ -218,6 +222,12 @@ void SettingsParameters::refuse_misfits() const {
     for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
     exclude("orbit", "eye");
+    for (char const* other :
+         {"eye", "target", "up", "view", "azimuth", "elevation", "fit", "fov", "span", "projection", "orbit"})
+        exclude("keyframes", other);
+    if (frames_ && keyframes_file_.empty()) refuse("--frames is for --keyframes");
+    if (frames_ && (*frames_ < 1 || *frames_ > 100'000))
+        refuse(text("--frames ", *frames_, " is not 1 to 100000 pictures"));
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     if (settings_.labels == LabelMode::always) {
         for (char const* other : {"rgba-lookup-table", "transfer", "colormap", "opacity", "domain", "iso", "iso-color",
@@ -353,12 +363,24 @@ RenderSettings SettingsParameters::settings() const {
         if (!environment_) environment_ = read_environment(s.environment_file);
         s.environment = environment_;
     }
+    if (!keyframes_file_.empty()) s.camera = cameras().front();
     render::check(s);
     return s;
 }
 
+std::vector<CameraRequest> const& SettingsParameters::keyframes() const {
+    if (keyframes_.empty()) keyframes_ = keyframes_of_word(keyframes_file_);
+    return keyframes_;
+}
+
 std::vector<CameraRequest> SettingsParameters::cameras() const {
     CameraRequest camera = settings_.camera;
+    if (!keyframes_file_.empty()) {
+        std::vector<CameraRequest> path =
+            camera_path(keyframes(), frames_.value_or(static_cast<int>(keyframes().size())));
+        for (CameraRequest& one : path) one.zoom = camera.zoom;
+        return path;
+    }
     if (!orbit_) return {camera};
     std::vector<CameraRequest> cameras;
     double const first = azimuth_of(camera);
