@@ -684,6 +684,44 @@ for i in range(5):
     [ -z "$(ls f-* 2>/dev/null)" ]
 }
 
+@test "--preset has colours and opacities for a kind of data" {
+    # Soft tissue of 60 HU around bone of 1000 HU, in air: with ct both are seen, with ct-bone bone alone.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:40, 0:40, 0:40] - 19.5
+r = np.sqrt(x * x + y * y + z * z)
+np.where(r < 6, 1000, np.where(r < 16, 60, -1000)).astype('i2').tofile('ct_40x40x40_int16.raw')"
+    look="--size 60 --view=-y --fit volume --background 0,0,0 --shade none"
+    for kind in ct ct-bone; do vkt render ct_40x40x40_int16.raw $look --preset $kind -o $kind.pfm; done
+    vkt render ct_40x40x40_int16.raw $look -o auto.pfm
+    run ! cmp -s ct.pfm auto.pfm
+    # The opacities that the manual page names, as words: the same but for where the map is sampled.
+    vkt render ct_40x40x40_int16.raw $look --colormap tissue --domain=-100:700 \
+        --opacity=-20:0,40:0.01,120:0.02,200:0.06,500:0.5 -o words.pfm
+    /usr/bin/python3 -c "
+import numpy as np
+def light(name):
+    kind, size, scale, data = open(name, 'rb').read().split(b'\n', 3)
+    w, h = map(int, size.split())
+    return np.frombuffer(data, '<f4').reshape(h, w, -1)[::-1]
+ct, bone, words = (light(n + '.pfm').max(axis=2) for n in ('ct', 'ct-bone', 'words'))
+assert np.abs(ct - words).max() < 1 / 255, np.abs(ct - words).max()
+assert ct[30, 30] > 0.3 and bone[30, 30] > 0.3
+assert 0.01 < ct[30, 17] < 0.9 * ct[30, 30], ct[30, 17]  # tissue beside the bone
+assert bone[30, 17] == 0"
+    for kind in ct-lung ct-contrast mr fluorescence density; do
+        vkt render ct_40x40x40_int16.raw --size 16 --preset $kind -o $kind.png 2>/dev/null
+    done
+    # Other colours, the same opacities; surfaces take the colours.
+    vkt render ct_40x40x40_int16.raw --size 16 --preset ct --colormap grey -o grey.png
+    vkt render ct_40x40x40_int16.raw --size 16 --preset ct --ra implicit-iso --iso 500 -o iso.png
+    vkt history grey.png | grep -- '--preset ct'
+    fails_with 2 "exclude" vkt render ct_40x40x40_int16.raw --preset ct --opacity 0,1 -o x.png
+    fails_with 2 "exclude" vkt render ct_40x40x40_int16.raw --preset ct --domain 0:1 -o x.png
+    fails_with 2 "did you mean" vkt render ct_40x40x40_int16.raw --preset ct-bon -o x.png
+    fails_with 2 "does not apply" vkt render ct_40x40x40_int16.raw --preset ct --ra maximum -o x.png
+}
+
 @test "an empty picture is said, and refused by --strict" {
     away="--eye 100,100,100 --target 200,200,200 --size 8"
     vkt render block_24x18x30_uint8.raw $away -o a.png 2>err

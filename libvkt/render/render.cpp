@@ -39,6 +39,7 @@ PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
     return {s.algorithm,
             s.transfer,
             s.lut,
+            s.preset,
             s.colormap,
             s.opacity,
             s.domain,

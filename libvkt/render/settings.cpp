@@ -87,6 +87,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("transfer", transfer_file_, "FILE",
                 "transfer function from a JSON file, also one of ParaView's; or the JSON itself");
     list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
+    list.option("preset", s.preset, "KIND",
+                "colours and opacities for a kind of data; ct… expect HU, the others follow the histogram");
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit-distance", s.unit, "DISTANCE",
@@ -153,7 +155,7 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 30> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"leave-out", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
@@ -173,6 +175,7 @@ constexpr std::array<Use, 30> uses{{{"step", true, false, false, false},
                                     {"opacity", true, false, true, false},
                                     {"opacity-scale", true, false, true, false},
                                     {"rgba-lookup-table", true, true, true, true},
+                                    {"preset", true, true, true, false},
                                     {"spp", false, false, true, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
@@ -220,6 +223,7 @@ void SettingsParameters::refuse_misfits() const {
     };
     for (char const* other : {"transfer", "colormap", "opacity"}) exclude("rgba-lookup-table", other);
     for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
+    for (char const* other : {"rgba-lookup-table", "transfer", "opacity", "domain"}) exclude("preset", other);
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
     exclude("orbit", "eye");
     for (char const* other :
@@ -230,8 +234,8 @@ void SettingsParameters::refuse_misfits() const {
         refuse(text("--frames ", *frames_, " is not 1 to 100000 pictures"));
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     if (settings_.labels == LabelMode::always) {
-        for (char const* other : {"rgba-lookup-table", "transfer", "colormap", "opacity", "domain", "iso", "iso-color",
-                                  "iso-opacity", "exact"})
+        for (char const* other : {"rgba-lookup-table", "transfer", "preset", "colormap", "opacity", "domain", "iso",
+                                  "iso-color", "iso-opacity", "exact"})
             if (list_->given(other)) refuse(text("--labels always has colours of its own, and no --", other));
         if (is_projection(algorithm_))
             refuse(text("--labels always: the ", enum_name(algorithm_), " of labels along a ray is no label"),
@@ -411,6 +415,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.width != plain.width || s.height != plain.height) add("size", {text(s.width, "x", s.height)});
 
     if (s.transfer) add("transfer", {transfer_to_json(*s.transfer)});
+    if (!s.transfer && s.lut.empty() && s.preset) add("preset", {enum_name(*s.preset)});
     if (!s.transfer && !s.lut.empty()) add("rgba-lookup-table", numbers(s.lut));
     if (!s.transfer && s.lut.empty() && !s.colormap.empty()) add("colormap", {s.colormap});
     if (!s.transfer && s.lut.empty() && s.opacity != plain.opacity) add("opacity", {s.opacity});
