@@ -80,6 +80,9 @@ public:
             if (annotation_.any())
                 throw Error(ErrorKind::usage, "--annotate and --caption are for pictures that are written",
                             "give -o FILE; in a window, v shows a colour bar, a scale bar and the axes");
+            if (options_.has_keyframes())
+                throw Error(ErrorKind::usage, "--keyframes is for pictures that are written",
+                            "give -o picture-%04d.png");
             if (depth_ || settings.parts > 1)
                 throw Error(ErrorKind::usage,
                             text("--", depth_ ? "depth" : "tiles", " is for pictures that are written"),
@@ -95,8 +98,10 @@ public:
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
         if (!numbered && cameras.size() > 1)
-            throw Error(ErrorKind::usage, "--orbit makes several pictures, but -o names one",
-                        "give a place for the number: -o picture-%04d.png");
+            throw Error(
+                ErrorKind::usage,
+                text(options_.has_keyframes() ? "--keyframes" : "--orbit", " makes several pictures, but -o names one"),
+                "give a place for the number: -o picture-%04d.png");
         for (std::int64_t number = 0; volumes.next();) {
             // Of a series the first one decides, so that the others can be compared with it.
             if (!settings.chosen_from)

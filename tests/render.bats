@@ -719,6 +719,101 @@ assert all(abs((a[i + 1] - a[i]) % 360 - 90) < 1e-6 for i in range(3)), a"
     fails_with 2 "--orbit 0" vkt render $f --orbit 0 -o o-%d.png
 }
 
+@test "--keyframes moves the camera along a smooth way, and meets every key byte for byte" {
+    f=block_24x18x30_uint8.raw
+    cat >way.json <<'EOF'
+[{"eye": [60.5, -40.25, 31], "target": [11.5, 8.5, 14.5], "up": [0, 0.1, 1]},
+ {"eye": [-20, -50, 20], "target": [10, 9, 12], "fov": 24.5},
+ {"eye": [11, 8, 90], "target": [11, 8, 14], "up": [0, 1, 0], "fov": 40}]
+EOF
+    still() { vkt render $f --size 32 --eye="$1" --target="$2" --up="$3" --fov "$4" -o "$5"; }
+    for suffix in pfm png; do
+        vkt render $f --size 32 --keyframes way.json --frames 5 -o k-%d.$suffix
+        [ "$(ls k-*.$suffix | wc -l)" = 5 ]
+        still 60.5,-40.25,31 11.5,8.5,14.5 0,0.1,1 30 s-0.$suffix
+        still -20,-50,20 10,9,12 0,0,1 24.5 s-2.$suffix
+        still 11,8,90 11,8,14 0,1,0 40 s-4.$suffix
+    done
+    for i in 0 2 4; do
+        cmp k-$i.pfm s-$i.pfm
+        /usr/bin/python3 -c "$levels
+assert (levels('k-$i.png') == levels('s-$i.png')).all()"
+    done
+    run ! cmp -s k-1.pfm k-2.pfm
+    # One of each key without a number, and the list as a word.
+    vkt render $f --size 32 --keyframes "$(cat way.json)" -o w-%d.pfm
+    [ "$(ls w-*.pfm | wc -l)" = 3 ]
+    for i in 0 1 2; do cmp w-$i.pfm k-$((2 * i)).pfm; done
+    # Between two keys, against SciPy's slerp; pictures say their camera.
+    python_with scipy
+    vkt render $f --size 8 --keyframes '[{"eye": [50, 0, 10], "target": [1, 2, 3]}, {"eye": [3, 44, -20], "target": [5, 4, 3], "fov": 60}]' --frames 5 -o h-%d.png
+    for i in 0 1 2 3 4; do grep -a -o 'eye [^t]*target [^u]*up [^f]*fov [0-9.]*' h-$i.png | head -n 1; done >cameras
+    /usr/bin/python3 -c "
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+rows = [[float(w) for w in line.replace(',', ' ').split() if w[0] not in 'etuf'] for line in open('cameras')]
+eye, target, up, fov = (np.array([r[a:b] for r in rows]) for a, b in ((0, 3), (3, 6), (6, 9), (9, 10)))
+def axes(i):
+    back = eye[i] - target[i]; back /= np.linalg.norm(back)
+    right = np.cross(up[i], back); right /= np.linalg.norm(right)
+    return Rotation.from_matrix(np.c_[right, np.cross(back, right), back])
+between = Slerp([0, 1], Rotation.from_matrix([axes(0).as_matrix(), axes(4).as_matrix()]))
+distance = np.linalg.norm(eye - target, axis=1)
+assert len(eye) == 5
+for i in range(5):
+    t = i / 4
+    assert (axes(i) * between(t).inv()).magnitude() < 1e-9, i
+    assert np.allclose(target[i], target[0] + t * (target[4] - target[0]), atol=1e-9)
+    assert np.isclose(distance[i], distance[0] ** (1 - t) * distance[4] ** t, rtol=1e-9)
+    assert np.isclose(np.tan(np.radians(fov[i] / 2)), np.tan(np.radians(15)) ** (1 - t) * np.tan(np.radians(30)) ** t, rtol=1e-9)"
+    fails_with 2 "--keyframes makes several pictures" vkt render $f --keyframes way.json -o one.png
+    fails_with 2 "exclude" vkt render $f --keyframes way.json --fov 20 -o k-%d.png
+    fails_with 2 "exclude" vkt render $f --keyframes way.json --orbit 3 -o k-%d.png
+    fails_with 2 "--frames is for --keyframes" vkt render $f --frames 3 -o f-%d.png
+    fails_with 2 "--frames 0" vkt render $f --keyframes way.json --frames 0 -o f-%d.png
+    fails_with 4 "nowhere.json" vkt render $f --keyframes nowhere.json -o f-%d.png
+    fails_with 3 "keyframes are malformed" vkt render $f --keyframes '[{"eye": [1, 2, 3]}]' -o f-%d.png
+    [ -z "$(ls f-* 2>/dev/null)" ]
+}
+
+@test "--preset has colours and opacities for a kind of data" {
+    # Soft tissue of 60 HU around bone of 1000 HU, in air: with ct both are seen, with ct-bone bone alone.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:40, 0:40, 0:40] - 19.5
+r = np.sqrt(x * x + y * y + z * z)
+np.where(r < 6, 1000, np.where(r < 16, 60, -1000)).astype('i2').tofile('ct_40x40x40_int16.raw')"
+    look="--size 60 --view=-y --fit volume --background 0,0,0 --shade none"
+    for kind in ct ct-bone; do vkt render ct_40x40x40_int16.raw $look --preset $kind -o $kind.pfm; done
+    vkt render ct_40x40x40_int16.raw $look -o auto.pfm
+    run ! cmp -s ct.pfm auto.pfm
+    # The opacities that the manual page names, as words: the same but for where the map is sampled.
+    vkt render ct_40x40x40_int16.raw $look --colormap tissue --domain=-100:700 \
+        --opacity=-20:0,40:0.01,120:0.02,200:0.06,500:0.5 -o words.pfm
+    /usr/bin/python3 -c "
+import numpy as np
+def light(name):
+    kind, size, scale, data = open(name, 'rb').read().split(b'\n', 3)
+    w, h = map(int, size.split())
+    return np.frombuffer(data, '<f4').reshape(h, w, -1)[::-1]
+ct, bone, words = (light(n + '.pfm').max(axis=2) for n in ('ct', 'ct-bone', 'words'))
+assert np.abs(ct - words).max() < 1 / 255, np.abs(ct - words).max()
+assert ct[30, 30] > 0.3 and bone[30, 30] > 0.3
+assert 0.01 < ct[30, 17] < 0.9 * ct[30, 30], ct[30, 17]  # tissue beside the bone
+assert bone[30, 17] == 0"
+    for kind in ct-lung ct-contrast mr fluorescence density; do
+        vkt render ct_40x40x40_int16.raw --size 16 --preset $kind -o $kind.png 2>/dev/null
+    done
+    # Other colours, the same opacities; surfaces take the colours.
+    vkt render ct_40x40x40_int16.raw --size 16 --preset ct --colormap grey -o grey.png
+    vkt render ct_40x40x40_int16.raw --size 16 --preset ct --ra implicit-iso --iso 500 -o iso.png
+    vkt history grey.png | grep -- '--preset ct'
+    fails_with 2 "exclude" vkt render ct_40x40x40_int16.raw --preset ct --opacity 0,1 -o x.png
+    fails_with 2 "exclude" vkt render ct_40x40x40_int16.raw --preset ct --domain 0:1 -o x.png
+    fails_with 2 "did you mean" vkt render ct_40x40x40_int16.raw --preset ct-bon -o x.png
+    fails_with 2 "does not apply" vkt render ct_40x40x40_int16.raw --preset ct --ra maximum -o x.png
+}
+
 @test "an empty picture is said, and refused by --strict" {
     away="--eye 100,100,100 --target 200,200,200 --size 8"
     vkt render block_24x18x30_uint8.raw $away -o a.png 2>err

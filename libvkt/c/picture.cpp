@@ -64,6 +64,9 @@ vkt_picture drawn(Volume const& volume, char const* const* words, size_t count, 
     for_execution.declare(shared);
     read_options(words, count, {&own, &shared});
     options.check();
+    if (options.cameras().size() > 1)
+        throw Error(ErrorKind::usage, "--orbit and --keyframes make several pictures, and this call makes one",
+                    "give each camera in a call of its own");
     Execution const execution = call.execution(for_execution);
     render::RenderSettings const settings = options.settings();
     render::check_memory(volume.header(), execution, settings.tree, true,

@@ -109,6 +109,9 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
         appearance.domain = resolve_domain(settings.domain == "auto" ? "minmax" : settings.domain, data);
         appearance.transfer = combine(settings.colormap.empty() ? "grey" : settings.colormap, appearance.domain,
                                       {{appearance.domain.lower, 1}});
+    } else if (settings.preset) {
+        appearance.transfer = transfer_of(preset_of(*settings.preset, data), settings.colormap);
+        chosen = true;
     } else if (settings.opacity != "auto") {
         appearance.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, appearance.domain,
                                       read_opacity(settings.opacity, appearance.domain));

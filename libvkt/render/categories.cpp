@@ -49,8 +49,8 @@ std::set<float> values_in(Lattice const& lattice, int threads) {
 bool draws_labels(RenderSettings const& s, Header const& header) {
     bool const surfaces = s.algorithm == Algorithm::implicit_iso,
                marched = s.algorithm == Algorithm::ray_marching && !s.exact;
-    bool const own = s.transfer || !s.lut.empty() || !s.colormap.empty() || s.opacity != "auto" || s.domain != "auto" ||
-                     !s.isos.empty() || !s.iso_colors.empty() || !s.iso_opacities.empty();
+    bool const own = s.transfer || s.preset || !s.lut.empty() || !s.colormap.empty() || s.opacity != "auto" ||
+                     s.domain != "auto" || !s.isos.empty() || !s.iso_colors.empty() || !s.iso_opacities.empty();
     if (s.labels == LabelMode::never || own || !(surfaces || marched)) return false;
     return s.labels == LabelMode::always || holds_labels(header);
 }

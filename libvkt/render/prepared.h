@@ -19,6 +19,7 @@ struct PreparedFor {
     Algorithm algorithm;
     std::optional<TransferFunction> transfer;
     std::vector<double> lut;
+    std::optional<DataKind> preset;
     std::string colormap, opacity, domain, unit;
     double opacity_scale, shade;
     std::vector<double> isos, iso_colors, iso_opacities;

@@ -49,8 +49,9 @@ bool is_empty(Image const& image) {
 
 /// All that decides what is prepared.
 PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
-    return {s.algorithm,     s.transfer, s.lut,  s.colormap,   s.opacity,       s.domain,      s.unit,
-            s.opacity_scale, s.shade,    s.isos, s.iso_colors, s.iso_opacities, s.chosen_from, draws_labels(s, header),
+    return {s.algorithm, s.transfer,   s.lut,           s.preset,        s.colormap,
+            s.opacity,   s.domain,     s.unit,          s.opacity_scale, s.shade,
+            s.isos,      s.iso_colors, s.iso_opacities, s.chosen_from,   draws_labels(s, header),
             s.skip};
 }
 

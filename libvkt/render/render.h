@@ -11,6 +11,7 @@
 #include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
+#include "libvkt/render/presets.h"
 #include "libvkt/render/tiles.h"
 #include "libvkt/render/transfer.h"
 #include "libvkt/render/tree.h"
@@ -54,10 +55,11 @@ struct RenderSettings {
 
     // Transfer function: the first that is given holds; the colour map and opacities make one otherwise.
     std::optional<TransferFunction> transfer;
-    std::vector<double> lut;      ///< r g b a … over the domain
-    std::string colormap;         ///< empty: chosen from the data
-    std::string opacity = "auto"; ///< "auto" or "A0,A1,…" over the domain or "VALUE:A,…"
-    std::string domain = "auto";  ///< see resolve_domain
+    std::vector<double> lut;        ///< r g b a … over the domain
+    std::optional<DataKind> preset; ///< of the kind of data; the colour map may be another
+    std::string colormap;           ///< empty: chosen from the data
+    std::string opacity = "auto";   ///< "auto" or "A0,A1,…" over the domain or "VALUE:A,…"
+    std::string domain = "auto";    ///< see resolve_domain
     /// What is chosen from the data is chosen from this, so that pictures of a series have the same colours; null: from
     /// the volume's own.
     std::shared_ptr<Histogram const> chosen_from;

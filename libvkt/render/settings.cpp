@@ -4,6 +4,7 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/render/keyframes.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/transfer_file.h"
 
@@ -75,6 +76,9 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
     list.option("span", s.camera.span, "LENGTH", "orthographic: world length from bottom to top of the picture");
     list.option("orbit", orbit_, "N", "N numbered pictures, once around the z axis; the camera keeps its distance");
+    list.option("keyframes", keyframes_file_, "FILE",
+                "numbered pictures along a smooth way through these cameras: a JSON file, or the JSON itself");
+    list.option("frames", frames_, "N", "how many pictures --keyframes makes (default: one of each camera)");
     list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
     list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
@@ -88,6 +92,8 @@ void SettingsParameters::declare(Parameters& list) {
         return other.empty() ? map : text(map, " (or ", other, ")");
     });
     list.option("colormap", s.colormap, "NAME", text(join(maps, ", "), "; append :reverse"));
+    list.option("preset", s.preset, "KIND",
+                "colours and opacities for a kind of data; ct… expect HU, the others follow the histogram");
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit-distance", s.unit, "DISTANCE",
@@ -154,7 +160,7 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 30> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"leave-out", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
@@ -174,6 +180,7 @@ constexpr std::array<Use, 30> uses{{{"step", true, false, false, false},
                                     {"opacity", true, false, true, false},
                                     {"opacity-scale", true, false, true, false},
                                     {"rgba-lookup-table", true, true, true, true},
+                                    {"preset", true, true, true, false},
                                     {"spp", false, false, true, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
@@ -221,12 +228,19 @@ void SettingsParameters::refuse_misfits() const {
     };
     for (char const* other : {"transfer", "colormap", "opacity"}) exclude("rgba-lookup-table", other);
     for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
+    for (char const* other : {"rgba-lookup-table", "transfer", "opacity", "domain"}) exclude("preset", other);
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
     exclude("orbit", "eye");
+    for (char const* other :
+         {"eye", "target", "up", "view", "azimuth", "elevation", "fit", "fov", "span", "projection", "orbit"})
+        exclude("keyframes", other);
+    if (frames_ && keyframes_file_.empty()) refuse("--frames is for --keyframes");
+    if (frames_ && (*frames_ < 1 || *frames_ > 100'000))
+        refuse(text("--frames ", *frames_, " is not 1 to 100000 pictures"));
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     if (settings_.labels == LabelMode::always) {
-        for (char const* other : {"rgba-lookup-table", "transfer", "colormap", "opacity", "domain", "iso", "iso-color",
-                                  "iso-opacity", "exact"})
+        for (char const* other : {"rgba-lookup-table", "transfer", "preset", "colormap", "opacity", "domain", "iso",
+                                  "iso-color", "iso-opacity", "exact"})
             if (list_->given(other)) refuse(text("--labels always has colours of its own, and no --", other));
         if (is_projection(algorithm_))
             refuse(text("--labels always: the ", enum_name(algorithm_), " of labels along a ray is no label"),
@@ -358,12 +372,24 @@ RenderSettings SettingsParameters::settings() const {
         if (!environment_) environment_ = read_environment(s.environment_file);
         s.environment = environment_;
     }
+    if (!keyframes_file_.empty()) s.camera = cameras().front();
     render::check(s);
     return s;
 }
 
+std::vector<CameraRequest> const& SettingsParameters::keyframes() const {
+    if (keyframes_.empty()) keyframes_ = keyframes_of_word(keyframes_file_);
+    return keyframes_;
+}
+
 std::vector<CameraRequest> SettingsParameters::cameras() const {
     CameraRequest camera = settings_.camera;
+    if (!keyframes_file_.empty()) {
+        std::vector<CameraRequest> path =
+            camera_path(keyframes(), frames_.value_or(static_cast<int>(keyframes().size())));
+        for (CameraRequest& one : path) one.zoom = camera.zoom;
+        return path;
+    }
     if (!orbit_) return {camera};
     std::vector<CameraRequest> cameras;
     double const first = azimuth_of(camera);
@@ -383,7 +409,7 @@ Background SettingsParameters::background() const {
 bool SettingsParameters::depends_on_data() const {
     RenderSettings const s = settings();
     bool const surface = s.algorithm == Algorithm::implicit_iso && s.isos.empty();
-    if (s.transfer) return surface;
+    if (s.transfer || (s.preset && has_known_values(*s.preset))) return surface;
     bool const fixed = s.domain != "auto" && s.domain != "minmax" && s.domain.find('p') == std::string::npos;
     bool const opacities = s.lut.empty() && s.opacity == "auto" && !is_projection(s.algorithm);
     return surface || !fixed || opacities;
@@ -403,6 +429,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.width != plain.width || s.height != plain.height) add("size", {text(s.width, "x", s.height)});
 
     if (s.transfer) add("transfer", {transfer_to_json(*s.transfer)});
+    if (!s.transfer && s.lut.empty() && s.preset) add("preset", {enum_name(*s.preset)});
     if (!s.transfer && !s.lut.empty()) add("rgba-lookup-table", numbers(s.lut));
     if (!s.transfer && s.lut.empty() && !s.colormap.empty()) add("colormap", {s.colormap});
     if (!s.transfer && s.lut.empty() && s.opacity != plain.opacity) add("opacity", {s.opacity});

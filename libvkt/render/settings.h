@@ -19,20 +19,24 @@ public:
     Background background() const;
     /// Whether colours, opacities or surfaces are chosen from the data.
     bool depends_on_data() const;
-    /// Of every volume: one, or those of --orbit.
+    /// Of every volume: one, or those of --orbit or --keyframes.
     std::vector<CameraRequest> cameras() const;
+    bool has_keyframes() const { return !keyframes_file_.empty(); }
 
 private:
     void refuse_misfits() const;
+    std::vector<CameraRequest> const& keyframes() const;
 
     Parameters* list_ = nullptr;
     Algorithm algorithm_ = Algorithm::ray_marching;
     std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1", shading_ = "auto";
     RenderSettings settings_;
-    std::optional<int> orbit_;
+    std::optional<int> orbit_, frames_;
+    std::string keyframes_file_;
     std::optional<double> noise_, tolerance_, seconds_;
     mutable std::optional<TransferFunction> transfer_;       ///< what the file holds, once it is read
     mutable std::shared_ptr<Environment const> environment_; ///< the same
+    mutable std::vector<CameraRequest> keyframes_;           ///< the same
     std::int64_t seed_ = 0;
     bool no_skip_ = false;
 };

@@ -166,6 +166,7 @@ void remove_color(TransferEdit& edit, std::size_t index) {
 void apply(TransferEdit const& edit, render::RenderSettings& settings) {
     settings.transfer.reset();
     settings.lut.clear();
+    settings.preset.reset();
     if (!edit.colors.empty() || edit.logarithmic) {
         settings.transfer = function_of(edit);
         settings.colormap.clear();
@@ -259,6 +260,18 @@ TransferEdit shaped(TransferEdit edit, std::vector<OpacityKnot> shares) {
 
 double percentile(Histogram const& h, double p) { return h.percentile(p); }
 
+TransferEdit edit_of(render::Preset const& preset) {
+    TransferEdit edit = over(preset.lower, preset.upper, preset.colormap, {});
+    edit.logarithmic = preset.logarithmic;
+    for (auto const& [value, alpha] : preset.opacities) edit.knots.push_back({value, alpha});
+    return edit;
+}
+
+/// A preset that the command line has as well.
+Shape of_kind(char const* name, render::DataKind kind) {
+    return {name, [kind](Histogram const& h, auto const&) { return edit_of(render::preset_of(kind, h)); }};
+}
+
 /// Values at which more voxels lie than around them, the most frequent first, background left out.
 std::vector<double> modes(Histogram const& h, std::size_t most) {
     std::size_t const n = h.bins.size(), reach = std::max<std::size_t>(2, n / 64);
@@ -320,40 +333,13 @@ std::vector<Shape> const& shapes() {
              edit.knots = {{percentile(h, 0.9), 0}, {percentile(h, 0.99), 0.2}, {percentile(h, 0.999), 0.5}};
              return edit;
          }},
-        {"CT: bone",
-         [](auto const&, auto const&) {
-             return over(100, 1500, "bone", {{150, 0}, {350, 0.15}, {1200, 0.8}});
-         }},
-        {"CT: soft tissue and bone",
-         [](auto const&, auto const&) {
-             return over(-100, 700, "tissue", {{-20, 0}, {40, 0.01}, {120, 0.02}, {200, 0.06}, {500, 0.5}});
-         }},
-        {"CT: lung",
-         [](auto const&, auto const&) {
-             return over(-950, -200, "heat:reverse", {{-900, 0}, {-750, 0.02}, {-550, 0.04}, {-400, 0}});
-         }},
-        {"CT: contrast and stents",
-         [](auto const&, auto const&) {
-             return over(50, 2500, "tissue", {{100, 0}, {180, 0.02}, {400, 0.1}, {1200, 0.6}, {2000, 0.95}});
-         }},
-        {"MR",
-         [](Histogram const& h, auto const&) {
-             double const a = percentile(h, 0.6), b = percentile(h, 0.9), c = percentile(h, 0.998);
-             return over(a, c, "grey", {{a, 0}, {b, 0.04}, {c, 0.3}});
-         }},
-        {"fluorescence",
-         [](Histogram const& h, auto const&) {
-             double const a = percentile(h, 0.9), b = percentile(h, 0.99), c = percentile(h, 0.9999);
-             return over(a, c, "inferno", {{a, 0}, {b, 0.05}, {c, 0.6}});
-         }},
-        {"density",
-         [](Histogram const& h, auto const&) {
-             double const a = std::max(percentile(h, 0.05), h.greatest * 1e-6), c = h.greatest;
-             TransferEdit edit = over(a > 0 && a < c ? a : h.least, c, "turbo", {});
-             edit.logarithmic = edit.lower > 0;
-             if (!(edit.lower < edit.upper)) edit.lower = edit.upper - 1;
-             return shaped(edit, {{0.2, 0}, {0.6, 0.02}, {1, 0.4}});
-         }},
+        of_kind("CT: bone", render::DataKind::ct_bone),
+        of_kind("CT: soft tissue and bone", render::DataKind::ct),
+        of_kind("CT: lung", render::DataKind::ct_lung),
+        of_kind("CT: contrast and stents", render::DataKind::ct_contrast),
+        of_kind("MR", render::DataKind::mr),
+        of_kind("fluorescence", render::DataKind::fluorescence),
+        of_kind("density", render::DataKind::density),
         {"labels",
          [](Histogram const& h, auto const&) {
              double const top = std::max(h.greatest, 1.0);

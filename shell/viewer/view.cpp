@@ -110,7 +110,7 @@ std::vector<std::vector<std::string_view>> const& groups() {
     static std::vector<std::vector<std::string_view>> const all{
         {"size"},
         {"render-algo"},
-        {"transfer", "rgba-lookup-table", "colormap", "opacity", "domain"},
+        {"transfer", "rgba-lookup-table", "colormap", "opacity", "domain", "preset"},
         {"unit-distance"},
         {"opacity-scale"},
         {"labels"},

@@ -177,6 +177,13 @@ for type in $types; do
         'fill-holes --connectivity 26 --value 3' 'slice --axis y' 'slice --z 3 --range minmax'; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
     done
+    # Interpolated in float32; integers may be rounded either way.
+    case $type in float*) tolerance=1e-3 ;; *) tolerance=1 ;; esac
+    for command in 'slice --normal 1,2,-1' 'slice --normal 1,2,-1 --spacing 0.7 --method nearest' \
+        'slice --normal 0,1,0 --at 0,3,0' 'slice --normal 1,-1,3 --thickness 5 --project max' \
+        'slice --normal 2,1,1 --thickness 4 --method cubic'; do
+        same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
+    done
 done
 "$vkt" set far_uint8.vkt --spacing 0.3,0.7,2.1 -o far_spaced.vkt
 same 0 "$vkt distance far_spaced.vkt --device \$DEVICE -q"

@@ -209,6 +209,34 @@ TEST(TransferEdit, filesThatAreNoneAreNotReplaced) {
     fs::remove_all(folder);
 }
 
+TEST(TransferEdit, presetsAreThoseOfTheCommandLine) {
+    render::Renderer const renderer(render::testing::blobs({20, 16, 24}, DataType::uint8), {});
+    std::vector<std::pair<char const*, render::DataKind>> const kinds{
+        {"CT: bone", render::DataKind::ct_bone},
+        {"CT: soft tissue and bone", render::DataKind::ct},
+        {"CT: lung", render::DataKind::ct_lung},
+        {"CT: contrast and stents", render::DataKind::ct_contrast},
+        {"MR", render::DataKind::mr},
+        {"fluorescence", render::DataKind::fluorescence},
+        {"density", render::DataKind::density}};
+    for (auto const& [name, kind] : kinds) {
+        render::TransferFunction const window = function_of(preset(name, renderer.histogram(), three())),
+                                       words =
+                                           transfer_of(render::preset_of(kind, renderer.histogram()), std::string());
+        ASSERT_EQ(window.points.size(), words.points.size()) << name;
+        for (std::size_t i = 0; i < words.points.size(); ++i) {
+            render::ControlPoint const &a = window.points[i], &b = words.points[i];
+            EXPECT_NEAR(a.value, b.value, 1e-9 * (1 + std::abs(a.value))) << name;
+            EXPECT_NEAR(a.alpha, b.alpha, 1e-9) << name;
+            EXPECT_NEAR(a.color.green, b.color.green, 1e-6) << name;
+        }
+    }
+    render::RenderSettings settings;
+    settings.preset = render::DataKind::mr;
+    apply(three(), settings); // what is edited is shown
+    EXPECT_FALSE(settings.preset);
+}
+
 TEST(Undo, goesBackAndForth) {
     Undo<int> undo(1);
     undo.record(1);

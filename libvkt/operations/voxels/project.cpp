@@ -3,8 +3,8 @@
 #include "libvkt/operations/voxels/project.h"
 
 #include "libvkt/operations/common/remarks.h"
+#include "libvkt/operations/voxels/axis_order.h"
 #include "libvkt/operations/voxels/kernels/median_lines.h"
-#include "libvkt/operations/voxels/slice.h"
 
 #include <cmath>
 
