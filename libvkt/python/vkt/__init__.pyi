@@ -321,8 +321,12 @@ def set(
 def slice(
     volume: Volume, *, axis: Literal['x', 'y', 'z'] | None = None, x: SupportsIndex | None = None,
     y: SupportsIndex | None = None, z: SupportsIndex | None = None, range: Value | None = None,
-    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
-    slab: SupportsIndex = 0,
+    normal: SupportsFloat | Numbers | None = None, at: SupportsFloat | Numbers | None = None,
+    up: SupportsFloat | Numbers | None = None, spacing: SupportsFloat | None = None,
+    thickness: SupportsFloat | None = None, project: Literal['mean', 'max', 'min'] | None = None,
+    method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
+    background: SupportsFloat | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
+    memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def split(volume: Volume) -> list[Volume]: ...
 def stack(volumes: Iterable[Volume], *, force_uniform: bool = False) -> Volume: ...

@@ -274,7 +274,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             glint[j] = s.glint;
         };
         // The face by which the ray enters is a surface as well.
-        auto const cut_by_face = [&](int j, Arriving const& arriving, float base) {
+        auto const cut_by_face = [&](int j, Arriving const& arriving, float base) __attribute__((always_inline)) {
             if constexpr (lighting != Lighting::flat) {
                 float const share = cut.share(static_cast<float>(comb.point(from + j)),
                                               static_cast<float>(comb.point(from + j + 1)), depth[j], weight[j]);
