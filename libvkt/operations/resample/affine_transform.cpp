@@ -283,11 +283,7 @@ std::vector<Remark> AffineTransform::remarks() const {
     std::vector<Remark> result = store_remarks(losses_, voxels, layout_.values.in);
     if (choice_) result.push_back(choice_->remark(*tolerance_));
     if (onto_ && onto_->outside() > 0)
-        result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background",
-                               layout_.other_background ? text(" ", *layout_.other_background,
-                                                               ", the nearest to what was meant that can be stored")
-                                                        : ""),
-                          false});
+        result.push_back(outside_remark(onto_->outside(), voxels, "the moved volume", layout_.other_background));
     return result;
 }
 

@@ -292,12 +292,7 @@ std::vector<Remark> ObliqueSlice::remarks() const {
     Losses stored = losses_;
     std::int64_t const outside = layout_.thick() ? std::exchange(stored.undefined, 0) : onto_->outside();
     std::vector<Remark> result = store_remarks(stored, pixels, layout_.output.dtype);
-    if (outside > 0)
-        result.push_back({text(share_text(outside, pixels), " outside the volume: background",
-                               layout_.other_background ? text(" ", *layout_.other_background,
-                                                               ", the nearest to what was meant that can be stored")
-                                                        : ""),
-                          false});
+    if (outside > 0) result.push_back(outside_remark(outside, pixels, "the volume", layout_.other_background));
     return result;
 }
 

@@ -8,6 +8,7 @@
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/common/kernels/convert.h"
+#include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/resample/kernels/affine.h"
 #include "libvkt/operations/resample/kernels/resample.h"
 #include "libvkt/operations/voxels/kernels/permute.h"
@@ -505,6 +506,14 @@ void Onto::run_aligned(ConstView in, AnyView out, Losses& losses, Execution cons
     sum.scale = values_.scale;
     sum.offset = values_.offset;
     resample_weighted(from, to, sum, scratch_, losses, execution);
+}
+
+Remark outside_remark(std::int64_t outside, std::int64_t voxels, std::string const& what,
+                      std::optional<double> const& other_background) {
+    return {text(share_text(outside, voxels), " outside ", what, ": background",
+                 other_background ? text(" ", *other_background, ", the nearest to what was meant that can be stored")
+                                  : ""),
+            false};
 }
 
 } // namespace vkt

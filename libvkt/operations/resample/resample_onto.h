@@ -13,6 +13,7 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace vkt {
@@ -53,6 +54,11 @@ struct OntoValues {
     double background = 0;        ///< stored in the result where its voxels have their centres outside the input
     double border = 0;            ///< stored in the input, for Boundary::border
 };
+
+/// "N of M voxels (P %) outside the volume: background", `what` being "the volume", and which background it is where
+/// that is another than was meant: a physical value.
+Remark outside_remark(std::int64_t outside, std::int64_t voxels, std::string const& what,
+                      std::optional<double> const& other_background);
 
 /// What lies outside, as it is stored in the output.
 struct Background {
