@@ -53,19 +53,27 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
     timeout 60 vkt render $f --size 32 --time 0.3 -o b.png
 }
 
+# interrupt_after_work PROCESS HUNDREDTHS: an interrupt once the process has worked for so many hundredths of a second (it
+# draws; before, the signal would end it), and its exit code as $code.
+interrupt_after_work() {
+    for _ in $(seq 500); do
+        read -r -a stat </proc/$1/stat
+        [ "${stat[13]}" -lt "$2" ] || break
+        sleep 0.1
+    done
+    kill -INT "$1"
+    timeout 60 tail --pid="$1" -f /dev/null || kill -KILL "$1"
+    code=0
+    wait "$1" || code=$?
+}
+
 @test "an interrupt ends the largest picture soon" {
     env --default-signal=INT vkt render $f --size 16384x8192 --shade gradient --opacity 0,0.02 --step 0.01 -o a.png 2>err 3>&- &
-    pid=$!
-    sleep 4
-    begin=$(date +%s%N)
-    kill -INT $pid
-    code=0
-    wait $pid || code=$?
+    interrupt_after_work $! 60
     [ "$code" = 130 ]
-    milliseconds=$((($(date +%s%N) - begin) / 1000000))
-    echo "$milliseconds ms"
-    [ "$milliseconds" -lt 4000 ]
-    grep -q 'interrupted: .*not drawn' err
+    # How much was left says that it was soon, not the seconds: machines are loaded.
+    left=$(sed -n 's/.*interrupted: .*, \([0-9]*\)[0-9.]*% of the pixels not drawn.*/\1/p' err)
+    [ "$left" -ge 10 ]
     grep -q 'was: [0-9.]* s, stopped' err
     [ "$(/usr/bin/python3 -c "import struct; print(*struct.unpack('>II', open('a.png', 'rb').read(24)[16:]))")" = "16384 8192" ]
 }
@@ -73,17 +81,7 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
 @test "an interrupt saves what there is and says so" {
     # What a script starts behind it ignores interrupts, unless it is told not to.
     env --default-signal=INT vkt render $f --size 64 $cloud --spp 10000000 -o a.png 2>err 3>&- &
-    pid=$!
-    # Once it has worked for half a second it draws; before, the signal would end it.
-    for _ in $(seq 500); do
-        read -r -a stat </proc/$pid/stat
-        [ "${stat[13]}" -lt 50 ] || break
-        sleep 0.1
-    done
-    kill -INT $pid
-    timeout 60 tail --pid=$pid -f /dev/null || kill -KILL $pid
-    code=0
-    wait $pid || code=$?
+    interrupt_after_work $! 50
     [ "$code" = 130 ]
     grep -q "interrupted: the picture is what there was" err
     quality_of a.png | grep -q "stopped before it was finished"
