@@ -165,6 +165,10 @@ for type in $types; do
         same 0 "$vkt convert $volume --dtype auto --device \$DEVICE -q"
     done
     same 1e-6 "$vkt clahe a_$type.vkt --bricks 60,3,7 --bins 900 --device \$DEVICE -q"
+    for rule in opencv skimage volkit pizer; do
+        same 1e-6 "$vkt clahe a_$type.vkt --bricks 2,1,2 --clip-as $rule --bins 70 --device \$DEVICE -q"
+        same 1e-6 "$vkt clahe a_$type.vkt --bricks 3,2,2 --clip-as $rule --bins 40 --range 10:60 --slab 2 --device \$DEVICE -q"
+    done
 done
 # Lines and whole volumes, whatever there is in them.
 for type in $types; do

@@ -46,7 +46,7 @@ TEST(ClaheCurves, AreRoundedAFewTimesHoweverManyBinsThereAre) {
             std::uint64_t const cut = most / 2 + 1, voxels = cut * bins / 2;
             if (cut * bins % 2 != 0) continue;
             std::vector<std::uint64_t> const counts = some_counts(bins, most, voxels, bins);
-            std::vector<double> const curve = clipped_curve(counts, ClipRule::opencv, 2),
+            std::vector<double> const curve = clipped_curve(counts, {ClipRule::opencv, 2}),
                                       exact = exact_curve(counts, cut);
             ASSERT_EQ(curve.size(), exact.size());
             double worst = 0;
@@ -64,7 +64,7 @@ TEST(ClaheCurves, NeverFall) {
         std::vector<std::uint64_t> const counts = some_counts(bins, most, most * bins / 3, random());
         for (ClipRule const rule : {ClipRule::opencv, ClipRule::skimage, ClipRule::volkit, ClipRule::pizer})
             for (double const clip : {1e-9, 0.01, 0.3, 1.0, 1.7, 40.0, HUGE_VAL}) {
-                std::vector<double> const curve = clipped_curve(counts, rule, clip);
+                std::vector<double> const curve = clipped_curve(counts, {rule, clip});
                 ASSERT_EQ(curve.front(), 0);
                 ASSERT_EQ(curve.back(), 1);
                 ASSERT_TRUE(std::is_sorted(curve.begin(), curve.end())) << bins << " bins, clip " << clip;

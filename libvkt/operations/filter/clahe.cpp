@@ -18,74 +18,7 @@ namespace {
 
 constexpr std::int64_t most_bricks = 4096; ///< along an axis
 
-/// The height at which to cut so that no bin is higher than `limit` after what is cut off is spread over all of them.
-double pizer_cut(std::span<std::uint64_t const> counts, double limit) {
-    std::vector<std::uint64_t> heights(counts.begin(), counts.end());
-    std::sort(heights.begin(), heights.end(), std::greater<>());
-    auto const n = static_cast<double>(heights.size());
-    double above = 0; // sum of the bins that are cut
-    for (std::size_t m = 0; m < heights.size(); ++m) {
-        // With m bins cut at c, c + (above - m c) / n = limit.
-        auto const cut = static_cast<double>(m);
-        double const c = (n * limit - above) / (n - cut);
-        if (c >= static_cast<double>(heights[m])) return c;
-        above += static_cast<double>(heights[m]);
-    }
-    return 0;
-}
-
 } // namespace
-
-std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRule rule, double clip) {
-    auto const n = static_cast<double>(counts.size());
-    std::vector<double> curve(counts.size() + 1);
-    auto const voxels =
-        static_cast<double>(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0})); // below 2^62
-    if (voxels == 0) {
-        for (std::size_t i = 0; i < curve.size(); ++i) curve[i] = static_cast<double>(i) / n;
-        return curve;
-    }
-    double cut = 0;
-    switch (rule) {
-    case ClipRule::opencv:
-        cut = clip * voxels / n;
-        break;
-    case ClipRule::skimage:
-        cut = clip * voxels;
-        break;
-    case ClipRule::volkit:
-        cut = clip * static_cast<double>(*std::max_element(counts.begin(), counts.end()));
-        break;
-    case ClipRule::pizer:
-        cut = clip > 1 ? pizer_cut(counts, clip * voxels / n) : 0;
-        break;
-    }
-    // Sums of whole bins are exact, and so are numbers of cut ones: however many bins lie below an edge, its share is
-    // rounded a few times only, and never falls from one edge to the next.
-    std::uint64_t above = 0, cut_bins = 0;
-    for (std::uint64_t const count : counts)
-        if (static_cast<double>(count) > cut) {
-            above += count;
-            ++cut_bins;
-        }
-    auto const limited = [cut](std::uint64_t bins, std::uint64_t whole) { // no bin is cut where nothing limits them
-        return bins == 0 ? static_cast<double>(whole)
-                         : std::fma(static_cast<double>(bins), cut, static_cast<double>(whole));
-    };
-    double const spread =
-        cut_bins == 0 ? 0
-                      : std::max(0.0, std::fma(-static_cast<double>(cut_bins), cut, static_cast<double>(above))) / n;
-    std::uint64_t whole = 0, cut_below = 0;
-    for (std::size_t i = 0; i < counts.size(); ++i) {
-        curve[i] = std::min(1.0, (limited(cut_below, whole) + static_cast<double>(i) * spread) / voxels);
-        if (static_cast<double>(counts[i]) > cut)
-            ++cut_below;
-        else
-            whole += counts[i];
-    }
-    curve.back() = 1;
-    return curve;
-}
 
 VKT_OPERATION(Clahe, "clahe")
 
@@ -181,7 +114,7 @@ void Clahe::begin(std::span<Header const> inputs, Plan const& plan) {
     input_ = inputs.front();
     error_ = plan.error;
     losses_ = {};
-    counts_.clear();
+    counts_ = {};
     scans_again_ = false;
     ends_.emplace(range_, input_);
     ends_known_ = !range_.depends();
@@ -222,12 +155,13 @@ void Clahe::set_ends(Window& window, DataType type, StoredValue low, StoredValue
 }
 
 void Clahe::scan(ConstView slab, Execution const& execution) {
-    threads_ = execution.threads;
+    scanned_with_ = execution;
     Box const box = intersect(slab.box, window_.field.grid.box);
     if (box.empty() || window_.copies) return;
     if (!ends_known_) return ends_->scan(slab.part(box), execution);
-    counts_.resize(window_.bins.slots() * static_cast<std::size_t>(window_.field.grid.count()));
-    count_in_bins(slab.part(box), window_.bins, window_.field.grid, counts_.data(), execution);
+    std::size_t const counters = window_.bins.slots() * static_cast<std::size_t>(window_.field.grid.count());
+    if (counts_.size() != counters) counts_ = VoxelCounts(counters);
+    count_in_bins(slab.part(box), window_.bins, window_.field.grid, counts_.update(execution.space()), execution);
 }
 
 void Clahe::scan_end() {
@@ -247,28 +181,11 @@ void Clahe::scan_end() {
 }
 
 void Clahe::make_curves() {
-    auto const bins = static_cast<std::size_t>(window_.bins.count());
-    auto const bricks = static_cast<std::size_t>(window_.field.grid.count());
-    curves_ = Buffer(bricks * curve_bytes(window_.field));
-    std::byte* const to = curves_.write(Space::host);
-    auto const make = [&](std::size_t b) {
-        std::uint64_t* const counts = counts_.data() + b * window_.bins.slots();
-        counts[0] += counts[window_.bins.under()];
-        counts[bins - 1] += counts[window_.bins.over()];
-        std::vector<double> const curve = clipped_curve({counts, bins}, rule_, clip());
-        for (std::size_t i = 0; i <= bins; ++i) {
-            if (window_.field.wide)
-                reinterpret_cast<double*>(to)[b * (bins + 1) + i] = curve[i];
-            else
-                reinterpret_cast<float*>(to)[b * (bins + 1) + i] = static_cast<float>(curve[i]);
-        }
-    };
-    constexpr std::size_t worth_a_thread = 1 << 14; // bins: about 0.1 ms
-    auto const most = static_cast<int>(std::clamp<std::size_t>(bricks * bins / worth_a_thread, 1, 1 << 10));
-    VKT_BACKEND::for_each_item(std::min(threads_, most), static_cast<std::int64_t>(bricks),
-                               [&](std::int64_t begin, std::int64_t end) {
-                                   for (std::int64_t b = begin; b < end; ++b) make(static_cast<std::size_t>(b));
-                               });
+    ClipLimit const limit{rule_, clip()};
+    if (rule_ == ClipRule::pizer) scanned_with_.device = Device::cpu;
+    curves_ = Buffer(static_cast<std::size_t>(window_.field.grid.count()) * curve_bytes(window_.field));
+    Space const space = scanned_with_.space();
+    clahe_curves(counts_.read(space), window_.field, limit, curves_.write(space), scanned_with_);
     counts_ = {};
 }
 

@@ -8,16 +8,9 @@
 #include "libvkt/operations/filter/kernels/clahe.h"
 #include "libvkt/operations/statistics/bins.h"
 #include "libvkt/operations/statistics/range_option.h"
+#include "libvkt/operations/statistics/voxel_counts.h"
 
 namespace vkt {
-
-/// What the clip limit c is a share of, for a brick of V voxels and n bins.
-enum class ClipRule : std::uint8_t {
-    opencv,  ///< bins are cut at c V / n
-    skimage, ///< at c V, 0 < c <= 1
-    volkit,  ///< at c times the tallest bin, 0 < c <= 1
-    pizer,   ///< lower, so that none exceeds c V / n after what was cut off is spread again
-};
 
 template <> struct EnumNames<ClipRule> {
     static std::vector<std::pair<ClipRule, char const*>> all() {
@@ -27,10 +20,6 @@ template <> struct EnumNames<ClipRule> {
                 {ClipRule::pizer, "pizer"}};
     }
 };
-
-/// Points of a curve: the share of a brick's voxels below each of counts.size() + 1 edges, after bins were cut and what
-/// was cut off spread evenly over all of them, in real numbers. Without any voxel a straight line.
-std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRule rule, double clip);
 
 /// Cuts the volume into equal bricks, equalises the histogram of each after limiting it, and maps every voxel by the
 /// curves of the eight bricks around it, interpolated trilinearly (Pizer et al., "Adaptive histogram equalization and
@@ -91,8 +80,8 @@ private:
     std::optional<RangeScan> ends_;
     bool ends_known_ = false, scans_again_ = false;
     Window window_;
-    int threads_ = 1; ///< that scan
-    std::vector<std::uint64_t> counts_;
+    Execution scanned_with_;
+    VoxelCounts counts_;
     Buffer curves_;
     Losses losses_;
 };

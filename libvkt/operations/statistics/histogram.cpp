@@ -274,8 +274,8 @@ void Histogram::count(ConstView cells, Execution const& execution) {
     if (cells.box.empty()) return;
     if (!range_known_) ends_->scan(cells, execution);
     if (!range_known_ && !by_pattern_) return;
-    counts_->resize(counted_in_.slots());
-    count_in_bins(cells, counted_in_, {cells.box, {1, 1, 1}}, counts_->data(), execution);
+    if (counts_->size() == 0) *counts_ = VoxelCounts(counted_in_.slots());
+    count_in_bins(cells, counted_in_, {cells.box, {1, 1, 1}}, counts_->update(execution.space()), execution);
 }
 
 /// Bins from ends that are known.
@@ -344,14 +344,15 @@ void Histogram::finish() {
     bool const tree = input_.kind == Kind::hierarchical;
     if (tree) r.volumes.assign(n, 0);
     Vec3 const spacing = input_.geometry.spacing;
-    for (auto& [cell, counts] : levels_) {
-        counts.resize(counted_in_.slots());
+    for (auto& [cell, counters] : levels_) {
+        if (counters.size() == 0) continue; // nothing was counted there
+        std::span<std::uint64_t const> const counts = counters.read();
         std::vector<std::uint64_t> slots(bins_.slots());
         if (by_pattern_) {
             for (std::size_t bits = 0; bits < bins_.table().size(); ++bits)
                 slots[static_cast<std::size_t>(bins_.table()[bits])] += counts[bits];
         } else {
-            slots = counts;
+            slots.assign(counts.begin(), counts.end());
         }
         for (std::size_t k = 0; k < n; ++k) {
             r.counts[k] += slots[k];

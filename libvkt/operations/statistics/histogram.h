@@ -5,6 +5,7 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/statistics/bins.h"
 #include "libvkt/operations/statistics/range_option.h"
+#include "libvkt/operations/statistics/voxel_counts.h"
 
 #include <map>
 #include <string>
@@ -88,8 +89,8 @@ private:
     bool range_known_ = false, scans_again_ = false;
     bool by_pattern_ = false; ///< values are counted while their range is looked for
     Bins bins_, counted_in_;
-    std::map<double, std::vector<std::uint64_t>> levels_; ///< counts by the volume of a cell, in finest cells
-    std::vector<std::uint64_t>* counts_ = nullptr;
+    std::map<double, VoxelCounts> levels_; ///< counts by the volume of a cell, in finest cells
+    VoxelCounts* counts_ = nullptr;
     std::vector<std::byte> foreground_;
     HistogramResult result_;
 };

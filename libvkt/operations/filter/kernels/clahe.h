@@ -4,6 +4,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/losses.h"
+#include "libvkt/operations/filter/clipped_curve.h"
 #include "libvkt/operations/statistics/kernels/histogram.h"
 
 namespace vkt {
@@ -30,6 +31,14 @@ VKT_KERNEL(clahe_map,
            (ConstView in, AnyView out, ClaheField const& field, Buffer& curves, Losses& losses,
             Execution const& execution),
            (in, out, field, curves, losses, execution))
+
+/// The curves of all bricks of the grid from their counts: field.bins + 3 a brick, as count_in_bins() leaves them; what
+/// is below and above the window is in its first and last bin. Both lie in the memory of `execution`. On a GPU not with
+/// ClipRule::pizer, which sorts the bins.
+VKT_KERNEL(clahe_curves,
+           (std::uint64_t const* counts, ClaheField const& field, ClipLimit const& limit, std::byte* curves,
+            Execution const& execution),
+           (counts, field, limit, curves, execution))
 
 /// Bytes of the curves of one brick.
 inline std::size_t curve_bytes(ClaheField const& field) {

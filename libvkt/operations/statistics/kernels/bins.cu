@@ -21,9 +21,10 @@ struct RuleSlot {
 
 void count_bins(ConstView in, BinRule const& rule, std::int64_t* counters, Execution const&) {
     with_type(in.type, [&]<class T>(T) {
-        std::vector<std::uint64_t> counts;
-        driver::count_on_device<T>(in, {in.box, {1, 1, 1}}, RuleSlot{rule}, static_cast<std::size_t>(rule.count) + 1,
-                                   counts);
+        auto const slots = static_cast<std::size_t>(rule.count) + 1;
+        driver::DeviceCounters const found(slots);
+        driver::count_on_device<T>(in, {in.box, {1, 1, 1}}, RuleSlot{rule}, slots, found.get());
+        std::vector<std::uint64_t> const counts = found.on_host();
         for (std::size_t i = 1; i < counts.size(); ++i) counters[i - 1] += static_cast<std::int64_t>(counts[i]);
     });
 }

@@ -165,12 +165,12 @@ void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, Cou
     check_launch("count");
 }
 
-/// Adds to counts[brick * slots + slot_of(v)] the weights of the voxels of `in` that lie in the grid.
+/// Adds to counters[brick * slots + slot_of(v)], in device memory, the weights of the voxels of `in` that lie in the
+/// grid.
 template <class T, class SlotOf>
 void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::size_t slots,
-                     std::vector<std::uint64_t>& counts) {
+                     unsigned long long* counters) {
     Box slab = intersect(in.box, grid.box);
-    counts.assign(static_cast<std::size_t>(grid.count()) * slots, 0);
     if (slab.empty()) return;
     if (grid.count() == 1 && slab == in.box && in.contiguous()) { // one long row
         slab = {{0, 0, 0}, {in.box.voxels(), 1, 1}};
@@ -189,9 +189,6 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     bool const packed = slots > most_shared_counters && slots <= most_packed_counters && grid.count() == 1 &&
                         static_cast<int>((slots + 1) / 2 * 4) <= room;
     std::vector<CountItem> const items = count_items(slab, grid, slots, in.box.lower, packed);
-    DeviceScratch const memory(counts.size() * sizeof(std::uint64_t));
-    device_clear(memory.get(), counts.size() * sizeof(std::uint64_t));
-    auto* const counters = reinterpret_cast<unsigned long long*>(memory.get());
     constexpr int wide = std::min<int>(16, 16 / static_cast<int>(sizeof(T))),
                   narrow = std::max<int>(1, 4 / static_cast<int>(sizeof(T)));
     // Short rows leave lanes idle, the more the wider what each of them loads.
@@ -208,7 +205,24 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
         launch_count<T, small, false>(rows, items, cut, slot_of, count, copies, counters);
     else
         launch_count<T, wide, false>(rows, items, cut, slot_of, count, copies, counters);
-    copy_to_host(counts.data(), memory.get(), counts.size() * sizeof(std::uint64_t));
 }
+
+/// Counters in device memory for the time of one call, zero at first.
+class DeviceCounters {
+public:
+    explicit DeviceCounters(std::size_t size) : size_(size), memory_(size * sizeof(unsigned long long)) {
+        device_clear(memory_.get(), size * sizeof(unsigned long long));
+    }
+    unsigned long long* get() const { return reinterpret_cast<unsigned long long*>(memory_.get()); }
+    std::vector<std::uint64_t> on_host() const {
+        std::vector<std::uint64_t> counts(size_);
+        copy_to_host(counts.data(), memory_.get(), size_ * sizeof(std::uint64_t));
+        return counts;
+    }
+
+private:
+    std::size_t size_;
+    DeviceScratch memory_;
+};
 
 } // namespace vkt::VKT_BACKEND::driver

@@ -127,7 +127,7 @@ std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const
 }
 
 template <class T>
-void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
+void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, unsigned long long* counts) {
     std::vector<double> const edges(bins.edges(), bins.edges() + bins.count() + 1);
     if constexpr (std::is_same_v<T, float>) {
         double const factor = bins.map().slope * bins.scale() * bins.per_unit(),
@@ -150,36 +150,46 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::ve
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 
-template <class T>
-void count_whole(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
+template <class T> void count_whole(ConstView in, Bins const& bins, BrickGrid const& grid, unsigned long long* counts) {
     std::vector<Int128> const edges(bins.whole_edges(), bins.whole_edges() + bins.count() + 1);
     driver::DeviceList<Int128> const list(edges);
     WholeSlot const slot{list.get(), edges.front(), bins.highest(), bins.count(), bins.scaled_low(), bins.per_unit()};
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 
+/// Adds the counts of the 256 patterns of each brick to those of the slots that they are in.
+__global__ void __launch_bounds__(256) patterns_kernel(unsigned long long const* patterns, std::int32_t const* table,
+                                                       unsigned slots, unsigned long long* counts) {
+    unsigned long long const found = patterns[blockIdx.x * 256ULL + threadIdx.x];
+    if (found != 0)
+        atomicAdd(counts + static_cast<std::size_t>(blockIdx.x) * slots + static_cast<unsigned>(table[threadIdx.x]),
+                  found);
+}
+
+void count_patterns(ConstView in, Bins const& bins, BrickGrid const& grid, std::int32_t const* table,
+                    unsigned long long* counts) {
+    driver::DeviceCounters const patterns(static_cast<std::size_t>(grid.count()) * 256);
+    driver::count_on_device<std::uint8_t>(in, grid, PatternSlot{}, 256, patterns.get());
+    patterns_kernel<<<static_cast<unsigned>(grid.count()), 256>>>(patterns.get(), table,
+                                                                  static_cast<unsigned>(bins.slots()), counts);
+    check_launch("count");
+}
+
 } // namespace
 
 void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::uint64_t* counts, Execution const&) {
-    std::vector<std::uint64_t> found;
-    if (!bins.table().empty() && size_of(in.type) == 1) {
-        driver::count_on_device<std::uint8_t>(in, grid, PatternSlot{}, 256, found);
-        for (std::size_t i = 0; i < found.size(); ++i)
-            counts[i / 256 * bins.slots() + static_cast<std::size_t>(bins.table()[i % 256])] += found[i];
-        return;
-    }
+    auto* const to = reinterpret_cast<unsigned long long*>(counts);
     if (!bins.table().empty()) {
         driver::DeviceList<std::int32_t> const table(bins.table());
-        driver::count_on_device<std::uint16_t>(in, grid, TableSlot{table.get()}, bins.slots(), found);
-    } else {
-        with_type(in.type, [&]<class T>(T) {
-            if constexpr (std::is_integral_v<T> && sizeof(T) == 8) {
-                if (bins.wide()) return count_whole<T>(in, bins, grid, found);
-            }
-            if constexpr (sizeof(T) >= 4) count_values<T>(in, bins, grid, found);
-        });
+        if (size_of(in.type) == 1) return count_patterns(in, bins, grid, table.get(), to);
+        return driver::count_on_device<std::uint16_t>(in, grid, TableSlot{table.get()}, bins.slots(), to);
     }
-    for (std::size_t i = 0; i < found.size(); ++i) counts[i] += found[i];
+    with_type(in.type, [&]<class T>(T) {
+        if constexpr (std::is_integral_v<T> && sizeof(T) == 8) {
+            if (bins.wide()) return count_whole<T>(in, bins, grid, to);
+        }
+        if constexpr (sizeof(T) >= 4) count_values<T>(in, bins, grid, to);
+    });
 }
 
 } // namespace VKT_BACKEND

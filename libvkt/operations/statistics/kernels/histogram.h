@@ -60,8 +60,8 @@ template <class F> void for_each_brick(Box const& slab, BrickGrid const& grid, F
 }
 
 /// Adds the voxels of in.box that lie in the grid to `counts`: bins.slots() counters a brick, bricks x fastest, in
-/// parts of voxels (whole ones if there is a single brick). The counts do not depend on how a volume is cut, nor on
-/// threads.
+/// parts of voxels (whole ones if there is a single brick). They lie in the memory of `execution`, like the voxels. The
+/// counts do not depend on how a volume is cut, nor on threads.
 VKT_KERNEL(count_in_bins,
            (ConstView in, Bins const& bins, BrickGrid const& grid, std::uint64_t* counts, Execution const& execution),
            (in, bins, grid, counts, execution))
