@@ -161,9 +161,9 @@ END
     # A small ball behind a wall: the first camera does not see what long steps make of it.
     vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 2 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
     local look="--domain 100:1000 --opacity 0,0.9 --shade none --no-skip --size 48 --view=-y --orbit 4"
-    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 1 >chart
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 30 >chart
     grep -q '^measured on 4 pictures of 48x48' chart
-    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 1 --json >chart.json
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 30 --json >chart.json
     # shellcheck disable=SC2086
     vkt render hidden.nrrd $look --step 4 -o long-%d.png
     # shellcheck disable=SC2086
