@@ -6,6 +6,8 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/numeric.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <vector>
 
@@ -31,24 +33,45 @@ struct HostFill {
     VoxelBytes voxel;
     std::size_t size;
 
-    /// Voxels of a row beside `inside`, from those that `sources` tells.
-    template <class U> void columns(U* row, U border, std::vector<std::int64_t> const& sources) const {
-        std::int64_t const left = inside.lower.x - window.box.lower.x, right = inside.upper.x - window.box.lower.x;
-        auto const fill = [&](std::int64_t x, std::int64_t source) { row[x] = source < 0 ? border : row[source]; };
-        for (std::int64_t x = 0; x < left; ++x) fill(x, sources[static_cast<std::size_t>(x)]);
-        for (std::int64_t x = right; x < window.dims().x; ++x)
-            fill(x, sources[static_cast<std::size_t>(x - right + left)]);
-    }
-    /// Where in a row of the window the voxels beside `inside` come from, -1 for the border.
-    std::vector<std::int64_t> sources() const {
-        std::vector<std::int64_t> result;
+    /// Voxels of a row that follow one another, and where they come from: forwards, backwards, all from one, or the
+    /// border.
+    struct Run {
+        std::int64_t to, from, count;
+        int step; ///< 1, -1 or 0
+        bool border;
+    };
+    /// Of the voxels beside `inside`, from the window's first on.
+    std::vector<Run> runs() const {
+        std::vector<Run> result;
         auto const add = [&](std::int64_t x) {
-            std::int64_t const from = fold(x, dims.x, boundary);
-            result.push_back(from < 0 ? -1 : from - window.box.lower.x);
+            std::int64_t const from = fold(x, dims.x, boundary) - window.box.lower.x, to = x - window.box.lower.x;
+            bool const border = fold(x, dims.x, boundary) < 0;
+            if (!result.empty()) {
+                Run& last = result.back();
+                std::int64_t const step = border ? 0 : from - (last.from + (last.count - 1) * last.step);
+                bool const goes_on = last.to + last.count == to && last.border == border && std::abs(step) <= 1 &&
+                                     (last.count == 1 || step == last.step);
+                if (goes_on) {
+                    last.step = static_cast<int>(step);
+                    ++last.count;
+                    return;
+                }
+            }
+            result.push_back({to, from, 1, 0, border});
         };
         for (std::int64_t x = window.box.lower.x; x < inside.lower.x; ++x) add(x);
         for (std::int64_t x = inside.upper.x; x < window.box.upper.x; ++x) add(x);
         return result;
+    }
+    template <class U> static void fill_run(U* row, U border, Run const& run) {
+        U* const to = row + run.to;
+        U const* const from = row + run.from;
+        if (run.border || run.step == 0)
+            std::fill_n(to, run.count, run.border ? border : *from);
+        else if (run.step == 1)
+            std::memcpy(to, from, static_cast<std::size_t>(run.count) * sizeof(U));
+        else
+            baseline::driver::copy_reversed(to, from, run.count, false);
     }
 
     void row(std::int64_t y, std::int64_t z) const {
@@ -77,12 +100,21 @@ struct HostFill {
     void run(Execution const& execution) const {
         Box const& w = window.box;
         if (!inside.empty()) {
-            std::vector<std::int64_t> const from = sources();
+            std::vector<Run> const beside = runs();
             in_slices(execution, inside.lower.z, inside.upper.z, [&](std::int64_t z) {
                 baseline::for_each_size(size, [&]<class U>(U border) {
                     std::memcpy(&border, voxel.data(), sizeof border);
-                    for (std::int64_t y = inside.lower.y; y < inside.upper.y; ++y)
-                        columns(reinterpret_cast<U*>(window.at(w.lower.x, y, z)), border, from);
+                    for (std::int64_t y = inside.lower.y; y < inside.upper.y; ++y) {
+                        // Nobody foresees which lines the ends of the next rows are in.
+                        constexpr std::int64_t ahead = 8;
+                        for (Run const& run : beside) {
+                            std::byte const* const later = window.at(w.lower.x, y + ahead, z);
+                            __builtin_prefetch(later + run.to * static_cast<std::int64_t>(size), 1);
+                            __builtin_prefetch(later + run.from * static_cast<std::int64_t>(size));
+                        }
+                        for (Run const& run : beside)
+                            fill_run(reinterpret_cast<U*>(window.at(w.lower.x, y, z)), border, run);
+                    }
                 });
                 for (std::int64_t y = w.lower.y; y < inside.lower.y; ++y) row(y, z);
                 for (std::int64_t y = inside.upper.y; y < w.upper.y; ++y) row(y, z);

@@ -109,10 +109,13 @@ TEST(Painting, whatWasAskedToBeSavedIsSaved) {
 /// Three volumes; drawing and loading wait for leave. Notes of which volume a saved picture is, and what its file says.
 class SteppedScene : public SlowScene {
 public:
-    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const&,
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const& stop,
                        render::Accumulation*) override {
         drawing = true;
         await(may_draw);
+        if (until_given_up.exchange(false))
+            for (int i = 0; i < 20000 && !stop.stop_requested(); ++i)
+                std::this_thread::sleep_for(std::chrono::milliseconds(1));
         report.unit = volume;
         return {s.width, s.height, std::vector<float>(static_cast<std::size_t>(4 * s.width * s.height))};
     }
@@ -130,7 +133,7 @@ public:
         for (int i = 0; i < 20000 && !leave; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     std::atomic<int> volume{0};
-    std::atomic<bool> drawing{false}, loading{false}, may_draw{true}, may_load{true};
+    std::atomic<bool> drawing{false}, loading{false}, may_draw{true}, may_load{true}, until_given_up{false};
 };
 
 std::vector<std::string> messages(Painter& painter) {
@@ -157,7 +160,7 @@ TEST(Painting, whatIsSavedWhileAVolumeLoadsIsThatVolume) {
 TEST(Painting, keysTakeEffectInTheirOrder) {
     SteppedScene scene;
     RenderSettings const asked;
-    scene.may_draw = false;
+    scene.until_given_up = true; // the first picture takes until the window closes
     Painter painter(
         scene, asked, {}, [] {}, 0.03);
     SteppedScene::await(scene.drawing); // and meanwhile, all of these
@@ -168,9 +171,7 @@ TEST(Painting, keysTakeEffectInTheirOrder) {
     painter.go_on(Turn::next); // hit again before it had any effect
     painter.save();
     painter.go_on(Turn::next); // the last one: given up, because the window closes
-    std::thread closing([&] { painter.finish(); });
-    scene.may_draw = true;
-    closing.join();
+    painter.finish();
     EXPECT_EQ(messages(painter), (std::vector<std::string>{"saved picture of 0 as 0", "saved picture of 1 as 1",
                                                            "saved picture of 2 as 2"}));
     EXPECT_FALSE(painter.saving());
