@@ -173,6 +173,7 @@ void apply_at(std::int64_t n, double x, double y, double z, R* out, F const f, I
         out[i] = f(x + static_cast<double>(i), y, z, in[i]...);
 }
 template <class C, class F, class... In> std::int64_t count_undefined(std::int64_t n, F const f, In const*... in) {
+    if constexpr (requires { f.undefined_in_row(n, in...); }) return f.undefined_in_row(n, in...);
     std::int32_t count = 0;
 #pragma omp simd reduction(+ : count)
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += f.undefined(in[i]...) ? 1 : 0;

@@ -110,6 +110,21 @@ template <class C> struct Operands {
     VKT_HD bool undefined(C, C, C) const { return false; }
     VKT_HD bool may_be_undefined() const { return counts_undefined; }
 
+    /// The same of a row: what it depends on is chosen once.
+    template <class... In> std::int64_t undefined_in_row(std::int64_t n, In const*... in) const {
+        C const* const volumes[] = {in...};
+        bool const root = op == ArithmeticOp::sqrt, logarithm = op == ArithmeticOp::log;
+        if ((root || logarithm) && first >= 0) {
+            return root ? count_row(n, volumes[first], map_a, [](C p) { return p < C(0); })
+                        : count_row(n, volumes[first], map_a, [](C p) { return p <= C(0); });
+        }
+        if (op == ArithmeticOp::div && second >= 0)
+            return count_row(n, volumes[second], map_b, [](C q) { return q == C(0); });
+        std::int64_t count = 0;
+        for (std::int64_t i = 0; i < n; ++i) count += undefined(in[i]...) ? 1 : 0;
+        return count;
+    }
+
     // A row at a time, of numbers too; one loop after the other, so that there are not as many as combinations of them.
     template <class... In> void row(std::int64_t n, C* out, In const*... in) const {
         C const* const volumes[] = {in...};
@@ -143,6 +158,17 @@ private:
         C value = number;
         for (int i = 0; i < inputs; ++i) value = volume == i ? in[i][n] : value;
         return value;
+    }
+    template <class F> static std::int64_t count_row(std::int64_t n, C const* from, Line<C> const map, F const f) {
+        std::int32_t count = 0;
+        if (map.identity) {
+#pragma omp simd reduction(+ : count)
+            for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += f(from[i]) ? 1 : 0;
+        } else {
+#pragma omp simd reduction(+ : count)
+            for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += f(map.of(from[i])) ? 1 : 0;
+        }
+        return count;
     }
     static C const* mapped_row(std::int64_t n, Line<C> const map, C const* from, C* to) {
 #pragma omp simd
