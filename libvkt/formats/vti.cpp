@@ -9,7 +9,7 @@
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
-#include "libvkt/formats/vti_file.h"
+#include "libvkt/formats/vti_data.h"
 
 #include <algorithm>
 #include <array>

@@ -9,7 +9,7 @@
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/slab_sink.h"
-#include "libvkt/formats/vti_file.h"
+#include "libvkt/formats/vti_structure.h"
 #include "libvkt/io/output_directory.h"
 
 #include <zlib.h>

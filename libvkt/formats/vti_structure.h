@@ -1,5 +1,4 @@
-// VTK's XML image files (.vti) and their parts: what the XML says, found by expat, and the bytes of arrays, which lie
-// inline or appended, in base64 or raw, compressed in blocks or not.
+// VTK's XML image files (.vti) and their parts: what the XML says, found by expat.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -8,7 +7,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -53,23 +51,5 @@ bool is_vti(std::string_view head);
 
 /// Parses the file up to its appended data. Throws Error{data} for what is no image file, or damaged.
 VtiStructure read_vti_structure(ByteSource& bytes);
-
-/// The decoded bytes of one array.
-class VtiData {
-public:
-    /// `size` is how many bytes it must have. The structure and the bytes must live as long. Throws Error{data} where
-    /// the array states another size.
-    VtiData(ByteSource const& bytes, VtiStructure const& structure, VtiArray const& array, std::int64_t size);
-    ~VtiData();
-    VtiData(VtiData const&) = delete;
-    VtiData& operator=(VtiData const&) = delete;
-
-    /// Copies the bytes [position, position + n), in this machine's byte order.
-    void read(std::int64_t position, std::byte* to, std::int64_t n);
-
-private:
-    class Impl;
-    std::unique_ptr<Impl> impl_;
-};
 
 } // namespace vkt
