@@ -234,6 +234,24 @@ info = json.load(sys.stdin)
 assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.890625, -53.7109375], info'
 }
 
+@test "parts of a plot file, a store or a pair name the whole" {
+    vkt make amr --blocks 20 --levels 2 | vkt write - plt --format amrex
+    for part in Header Level_0 Level_0/Cell_H Level_0/Cell_D_00000; do fails_with 3 "is a part of 'plt'" vkt info plt/$part; done
+    fails_with 3 "is a part of '$PWD/plt'" vkt info "$PWD/plt/Level_0/Cell_H"
+    vkt make ramp --dims 9 8 7 --dtype uint8 -o a.zarr
+    part=$(find a.zarr -type f -size +100c | grep -v '/[.]z\|json' | head -1)
+    fails_with 3 "is a part of 'a.zarr'" vkt info "$part"
+    vkt make ramp --dims 9 8 7 --dtype uint8 -o pair.mhd
+    fails_with 2 "but 'pair.mhd' says them" vkt info pair.raw
+    fails_with 2 "but 'pair.mhd' says them" vkt read pair.raw
+    # A header that names other voxels is not theirs.
+    cp pair.raw other.raw
+    sed 's/pair.raw/elsewhere.raw/' pair.mhd >other.mhd
+    fails_with 2 "'other.raw': dims are unknown" vkt info other.raw
+    [[ "$stderr" == *"say vkt read other.raw"* ]]
+    vkt read pair.raw --dims 9 8 7 --dtype uint8 | vkt diff - pair.mhd
+}
+
 @test "files of formats that are not read are named by what they are" {
     printf 'GIF8900000000' >a.bin
     fails_with 3 "'a.bin' is a GIF picture, a format that vkt does not read" vkt read a.bin -o a.vkt

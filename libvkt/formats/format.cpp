@@ -16,6 +16,7 @@
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/stream_reader.h"
+#include "libvkt/formats/whole_of.h"
 #include "libvkt/formats/wrapper.h"
 #include "libvkt/formats/zarr_array.h"
 #include "libvkt/io/shared_memory.h"
@@ -136,11 +137,17 @@ std::string writable_extensions() {
     return join(all, " ");
 }
 
+[[noreturn]] void refuse_part(std::string const& name, std::string const& whole) {
+    throw Error(ErrorKind::data, text("'", name, "' is a part of '", whole, "'"),
+                text("name that: ", shell_quoted(whole)));
+}
+
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (bytes.directory() && options.format.empty()) {
         if (is_amrex(bytes.name())) return by_format_name("amrex");
         if (zarr::is_zarr(file_part(bytes.name()).file)) return by_format_name("zarr");
         if (is_dicom_folder(bytes.name())) return by_format_name("dicom");
+        if (std::string const whole = whole_of(bytes.name()); !whole.empty()) refuse_part(bytes.name(), whole);
         std::string const within = dicom_folder_within(bytes.name());
         throw Error(ErrorKind::io,
                     text("cannot read '", bytes.name(),
@@ -181,6 +188,7 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
+    if (std::string const whole = whole_of(bytes.name()); !whole.empty()) refuse_part(bytes.name(), whole);
     if (auto const [foreign, how] = foreign_name(bytes.name()); !foreign.empty())
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", foreign, ", a format that vkt does not read"),
                     std::string(how));

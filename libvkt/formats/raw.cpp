@@ -8,6 +8,7 @@
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/whole_of.h"
 
 #include <algorithm>
 #include <charconv>
@@ -56,6 +57,9 @@ bool is_gzip(std::string const& name) { return lower_case(name).ends_with(".gz")
 std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     RawName const name = parse_raw_name(bytes->name());
     RawLayout layout;
+    if (std::string const whole = whole_of(bytes->name()); !options.dims && !whole.empty())
+        throw Error(ErrorKind::usage, text("'", bytes->name(), "': dims are unknown, but '", whole, "' says them"),
+                    text("name that: ", shell_quoted(whole)));
     if (!options.dims && !name.dims)
         throw Error(ErrorKind::usage, text("'", bytes->name(), "': dims are unknown"),
                     text("say ", raw_description(bytes->name(), options, "--dims X Y Z --dtype TYPE"),
