@@ -25,7 +25,7 @@ fs::path folder_around(fs::path const& path) {
     fs::path store, folder = path;
     for (int level = 0; level < most_levels && folder.has_relative_path(); ++level) {
         folder = folder.parent_path();
-        fs::path const here = folder.empty() ? fs::path(".") : folder;
+        fs::path here = folder.empty() ? fs::path(".") : folder;
         if (level < 2 && is_there(here / "Header") && is_there(here / "Level_0")) return here;
         bool const holds = is_there(here / ".zarray") || is_there(here / ".zgroup") || is_there(here / "zarr.json");
         if (holds)
