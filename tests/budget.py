@@ -36,6 +36,7 @@ arguments = {
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
     "delete": ["{f} --roi 0:64,:,:"],
     "diff": ["{f} {f}", "{f} {f} --mutual-information", "{f} {f} --ssim"],
+    "distance": ["{f}", "{f} --signed"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
@@ -136,7 +137,7 @@ tree_arguments = {
 no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove", "image diff", "image join", "image mean"}  # pipe: its stages are the commands above
 grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
-held_whole = {"distance", "refine", "render", "scan", "slim", "view", "watershed"}
+held_whole = {"refine", "render", "scan", "slim", "view", "watershed"}
 held_plane = {"affine", "mesh", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 
