@@ -87,7 +87,8 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per y", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per y", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M",
+              "{f} --mask {f} --percentiles 1,50,99", "{f} --per z --percentiles 1,50,99", "{f} --per x --percentiles 50 --memory 64M"],
     "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
