@@ -36,6 +36,7 @@ arguments = {
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
     "delete": ["{f} --roi 0:64,:,:"],
     "diff": ["{f} {f}", "{f} {f} --mutual-information", "{f} {f} --ssim"],
+    "distance": ["{f}", "{f} --signed"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
@@ -86,7 +87,8 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per y", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per y", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M",
+              "{f} --mask {f} --percentiles 1,50,99", "{f} --per z --percentiles 1,50,99", "{f} --per x --percentiles 50 --memory 64M"],
     "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
@@ -136,7 +138,7 @@ tree_arguments = {
 no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove", "image diff", "image join", "image mean"}  # pipe: its stages are the commands above
 grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
-held_whole = {"distance", "refine", "render", "scan", "slim", "view", "watershed"}
+held_whole = {"refine", "render", "scan", "slim", "view", "watershed"}
 held_plane = {"affine", "mesh", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 

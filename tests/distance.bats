@@ -144,14 +144,94 @@ a.tofile("v_70x61x53_uint8.raw")
     vkt distance skewed.nrrd --unit voxel -o o.nrrd
     vkt make amr --blocks 20 --levels 2 -o t.vkt
     fails_with 2 'hierarchical volume' vkt distance t.vkt -o o.vkt
-    vkt make ramp --dims 256 256 64 -o large.nrrd
-    fails_with 5 'whole volumes' vkt distance large.nrrd --memory 8M -o o8.nrrd
-    [ ! -e o.vkt ] && [ ! -e o8.nrrd ]
+    # A few lines of 60000 voxels are more than 4 MiB.
+    vkt make ramp --dims 20 6 60000 -o long.nrrd
+    for dry in '' -n; do
+        # shellcheck disable=SC2086
+        fails_with 5 'distance on these volumes needs 38.6 MiB of memory at once' vkt distance long.nrrd --memory 4M -o o4.nrrd $dry
+    done
+    [ ! -e o.vkt ] && [ ! -e o4.nrrd ]
 }
 
-@test "the plan says that the whole volume is held" {
-    vkt make ramp --dims 4 4 4 | vkt distance --explain 2>plan | vkt stats
-    grep -q 'holds the whole volume' plan
+@test "what memory has no room for is spooled, with the same bits" {
+    mkdir spool
+    export TMPDIR=$PWD/spool
+    local dims spacing options memory threads
+    # Slabs; slices beyond the budget, and blocks of columns; one slice; one row along z.
+    for dims in '150 100 120' '700 1030 9' '1100 1300 1' '1300 1 1100'; do
+        # shellcheck disable=SC2086
+        vkt make noise --dims $dims --dtype uint8 --seed 3 | vkt threshold --above 5 -o mask.nrrd --force
+        while read -r spacing options; do
+            vkt set mask.nrrd --spacing "$spacing" -o in.nrrd --force
+            # shellcheck disable=SC2086
+            vkt distance in.nrrd $options --memory 1G --threads 1 --format raw -o want.raw --force
+            while read -r memory threads; do
+                # shellcheck disable=SC2086
+                vkt distance in.nrrd $options --memory $memory --threads $threads --format raw -o got.raw --force 2>err
+                [ "$(grep -c 'spooling' err)" -eq 1 ]
+                cmp want.raw got.raw || { echo "$dims, $spacing $options, $memory, $threads threads" >&2; false; }
+            done <<'EOF'
+4M 1
+4M 5
+6M 3
+EOF
+            # shellcheck disable=SC2086
+            vkt read in.nrrd --slab 3 | vkt distance - $options --memory 4M --slab 7 -q | vkt write - --format raw | cmp - want.raw
+        done <<'EOF'
+1,1,1
+1,1,5 --signed
+1,3.14159,2.7
+1,3.14159,2.7 --signed --roi 17:-20,:,:
+EOF
+    done
+    [ -z "$(ls -A spool)" ]
+}
+
+@test "distances from the spool are SciPy's, where one zero is left, too" {
+    against_scipy '
+for shape in ((60, 110, 190), (2, 1500, 900), (1500, 1, 900)):
+    for share in (0.2, 0.001, 0):
+        a = (rng.random(shape) >= share).astype(np.uint8)
+        a[-1, -1, -1] = 0
+        assert (distance(a, "--memory 4M -q") == expected(a).astype(np.float32)).all(), (shape, share)
+a = (rng.random((60, 110, 190)) > 0.001).astype(np.float64)
+a[3, 4, 5] = np.nan
+for spacing in ((1, 1, 2), (0.3, 0.7, 2.1)):
+    want = expected(np.nan_to_num(a), spacing) - expected(np.nan_to_num(a) == 0, spacing)
+    got = distance(a, "--signed --memory 4M -q", spacing)
+    assert (np.abs(got - want) <= 1.2e-7 * np.abs(want)).all(), spacing
+'
+    # What is counted is counted once.
+    vkt make ramp --dims 190 110 60 --dtype float32 | vkt transform 'sqrt(-1-v)' -q | vkt distance --memory 4M -o o.nrrd 2>err
+    grep -q '1254000 of 1254000 voxels .* not a number' err
+    vkt make constant --dims 190 110 60 --value 2 | vkt distance --memory 4M -o o.nrrd --force 2>err
+    grep -q 'distances are infinite' err
+}
+
+@test "the plan says that there will be a spool, how large, and what is held" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers keep memory of their own"
+    export OMP_WAIT_POLICY=passive
+    vkt make noise --dims 8 8 8 --dtype uint8 -o tiny.nrrd
+    vkt make noise --dims 300 200 180 --dtype uint8 -o in.nrrd # 41 MiB of distances
+    base=$(peak_kib vkt distance tiny.nrrd -o o.vkt --force -q)
+    for memory in 4 8 24; do
+        vkt distance in.nrrd --memory ${memory}M -n -o o.vkt --force 2>plan
+        grep -q 'works on lines along x, y and z of a spool of 41.2 MiB' plan || { cat plan >&2; false; }
+        said=$(sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p' plan)
+        most=$(peak_kib vkt distance in.nrrd --memory ${memory}M -o o.vkt --force -q)
+        echo "$memory MiB: said $said, took $most KiB beside $base"
+        awk "BEGIN { exit !($said <= $memory && $most - $base <= 1024 * $memory) }"
+    done
+    vkt distance in.nrrd --memory 64M -n -o o.vkt --force 2>&1 | grep -q 'holds the whole volume'
+    # What is held needs no spool.
+    vkt distance in.nrrd --memory 64M -o o.vkt --force 2>err
+    [ ! -s err ]
+}
+
+@test "where there is no room for a spool nothing is left behind" {
+    vkt make noise --dims 150 100 120 --dtype uint8 -o in.nrrd
+    TMPDIR=/nowhere fails_with 4 'cannot spool to /nowhere' vkt distance in.nrrd --memory 4M -o o.nrrd
+    [ ! -e o.nrrd ]
 }
 
 @test "with --roi only the region is measured: distances are those of the cropped volume, all else is 0" {

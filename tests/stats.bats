@@ -273,6 +273,120 @@ for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 floa
     for r in rows: same(r, v, inside & (y == r["y"]), t)'
 }
 
+@test "percentiles of masks, labels and slices are NumPy's, for any cut, budget and way" {
+    grouped_volumes
+    check '
+r = np.random.default_rng(6)
+for t in "float16 float32 float64".split():
+    v = np.fromfile(f"v_31x23x19_{t}.raw", t); v[r.random(v.size) < .05] = np.nan; v[r.random(v.size) < .03] = -np.inf
+    v.tofile(f"v_31x23x19_{t}.raw")'
+    local v options name
+    for dtype in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        v=v_31x23x19_$dtype.raw
+        while read -r name options; do
+            # shellcheck disable=SC2086
+            vkt stats $v $options --json --percentiles 0,2.5,50,33,99,100 >$name.$dtype
+            # shellcheck disable=SC2086
+            vkt stats $v $options --json --percentiles 0,2.5,50,33,99,100 --memory 1k --threads 1 | cmp - $name.$dtype
+            # shellcheck disable=SC2086
+            vkt read $v --slab 2 | vkt stats $options --json --percentiles 0,2.5,50,33,99,100 --threads 5 | cmp - $name.$dtype
+        done <<'EOF'
+labels --labels labels_31x23x19_uint16.raw
+mask --mask mask_31x23x19_float32.raw
+both --mask mask_31x23x19_float32.raw --labels labels_31x23x19_uint16.raw
+x --per x
+y --per y --roi 3:20,4:9,2:15
+z --per z
+EOF
+    done
+    check '
+l = np.fromfile("labels_31x23x19_uint16.raw", "u2").reshape(19, 23, 31); m = np.fromfile("mask_31x23x19_float32.raw", "f4").reshape(l.shape) != 0
+z, y, x = np.indices(l.shape); inside = (x >= 3) & (x < 20) & (y >= 4) & (y < 9) & (z >= 2) & (z < 15)
+def same(row, v, where, t):
+    w = v[where]
+    if t[0] == "f": w = w[np.isfinite(w)]
+    sizes = max(1e-300, abs(w.astype("f8")).max())
+    for p in 0, 2.5, 50, 33, 99, 100:
+        want = np.percentile(w.astype("f8"), p, method="linear")
+        assert abs(row["p%g" % p] - want) <= 4e-16 * sizes, (t, p, row, want)
+    assert row["p0"] == w.min() and row["p100"] == w.max() # 64 bits of them, too
+    s = np.sort(w)
+    if w.size % 2: assert row["p50"] == s[w.size // 2]
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    v = np.fromfile(f"v_31x23x19_{t}.raw", t).reshape(l.shape)
+    rows = json.load(open("labels." + t))["labels"]; assert len(rows) == len(np.unique(l))
+    for r in rows: same(r, v, l == r["label"], t)
+    same(json.load(open("mask." + t)), v, m, t)
+    for r in json.load(open("both." + t))["labels"]: same(r, v, m & (l == r["label"]), t)
+    for r in json.load(open("x." + t))["slices"]: same(r, v, x == r["x"], t)
+    for r in json.load(open("y." + t))["slices"]: same(r, v, inside & (y == r["y"]), t)
+    for r in json.load(open("z." + t))["slices"]: same(r, v, z == r["z"], t)'
+}
+
+@test "percentiles of large groups in little memory, of value maps, and of groups without a number" {
+    python_with numpy
+    check '
+r = np.random.default_rng(8)
+(r.normal(0, 1, (130, 160, 170)) ** 3).astype("f4").tofile("v_170x160x130_float32.raw")
+(r.random((130, 160, 170)) * 9).astype("u1").tofile("l_170x160x130_uint8.raw")'
+    v=v_170x160x130_float32.raw l=l_170x160x130_uint8.raw p='--percentiles 1,50,99.9 --json'
+    little='--memory 4M --threads 3' # tables of fewer bits, and what is read again is spooled
+    vkt stats $v --labels $l $p >labels.json
+    vkt stats $v --mask $l $p >mask.json
+    vkt stats $v --per z $p >z.json
+    vkt read $v | vkt stats --labels <(vkt read $l) $p $little 2>err | cmp - labels.json
+    [ "$(grep -c spooling err)" -eq 2 ]
+    vkt read $v | vkt stats --mask <(vkt read $l) $p $little 2>err | cmp - mask.json
+    [ "$(grep -c spooling err)" -eq 2 ]
+    vkt read $v | vkt stats --per z $p $little -q | cmp - z.json
+    vkt stats $v --per x --percentiles 1,50,99.9 --csv --memory 1G >x.csv
+    vkt stats $v --per x --percentiles 1,50,99.9 --csv $little | cmp - x.csv
+    check '
+import csv
+v = np.fromfile("v_170x160x130_float32.raw", "f4").reshape(130, 160, 170); l = np.fromfile("l_170x160x130_uint8.raw", "u1").reshape(v.shape)
+def same(row, w):
+    for p, q in zip((1, 50, 99.9), np.percentile(w.astype("f8"), (1, 50, 99.9))): assert abs(float(row["p%g" % p]) - q) <= 1e-15 * abs(q), (p, q, row)
+for r in json.load(open("labels.json"))["labels"]: same(r, v[l == r["label"]])
+same(json.load(open("mask.json")), v[l != 0])
+for r in json.load(open("z.json"))["slices"]: same(r, v[r["z"]])
+for r in csv.DictReader(open("x.csv")): same(r, v[:, :, int(r["x"])])'
+    # Physical values; a group of NaN only; as text; labels far apart.
+    check '
+v = np.array([[1, 2, 3, 50], [5, 6, 7, 8], [9, 1, 1, 1]], "f4"); v.tofile("t_4x3x1_float32.raw"); v[1] = np.nan; v.tofile("n_4x3x1_float32.raw")
+np.array([[-2**62, -2**62, 7, 7], [0, 0, 2**62, 2**62], [7, 7, 7, 7]], "i8").tofile("far_4x3x1_int64.raw")'
+    vkt set t_4x3x1_float32.raw --slope -2 --intercept 7 | vkt stats --per y --percentiles 0,100,25 --json >map.json
+    vkt stats n_4x3x1_float32.raw --per y --percentiles 50 --json >nan.json
+    vkt stats t_4x3x1_float32.raw --labels far_4x3x1_int64.raw --percentiles 50 --json >far.json
+    vkt stats n_4x3x1_float32.raw --per y --percentiles 50,0.5 >table
+    check 'rows = json.load(open("map.json"))["slices"]
+for r, v in zip(rows, [[1, 2, 3, 50], [5, 6, 7, 8], [9, 1, 1, 1]]):
+    assert [r["p0"], r["p100"], r["p25"]] == np.percentile(7 - 2.0 * np.array(v), (0, 100, 25)).tolist(), r
+assert [r["p50"] for r in json.load(open("nan.json"))["slices"]] == [2.5, None, 1]
+assert [(r["label"], r["p50"]) for r in json.load(open("far.json"))["labels"]] == [(-2**62, 1.5), (0, 5.5), (7, 2), (2**62, 7.5)]
+lines = [x.split() for x in open("table").read().splitlines()]
+assert lines[0][-2:] == ["p50", "p0.5"] and [x[-2] for x in lines[1:]] == ["2.5", "nan", "1"], lines'
+    vkt make constant --dims 4 3 1 --value 0 -o zero.vkt
+    vkt stats t_4x3x1_float32.raw --mask zero.vkt --percentiles 50 --json | tr -d ' \n' | grep -q '"count":0.*"p50":null'
+}
+
+@test "percentiles of very many groups take little, or are refused" {
+    python_with numpy
+    check '
+r = np.random.default_rng(8)
+r.integers(0, 2**63, (40, 60, 120)).astype("u8").tofile("v_120x60x40_uint64.raw")
+(np.arange(288000) // 9).astype("u4").tofile("l_120x60x40_uint32.raw")' # 32000 groups of nine
+    vkt stats v_120x60x40_uint64.raw --labels l_120x60x40_uint32.raw --percentiles 0,50,100 --memory 512M --json >p.json
+    vkt stats v_120x60x40_uint64.raw --labels l_120x60x40_uint32.raw --percentiles 0,50,100 --memory 256M --json | cmp - p.json
+    check 'rows = json.load(open("p.json"))["labels"]; s = np.sort(np.fromfile("v_120x60x40_uint64.raw", "u8").reshape(-1, 9))
+assert [[r["p0"], r["p50"], r["p100"]] for r in rows] == s[:, [0, 4, 8]].tolist()'
+    fails_with 5 'labels are more than --memory has room for' \
+        vkt stats v_120x60x40_uint64.raw --labels l_120x60x40_uint32.raw --percentiles 50 --memory 64M
+    # Of 300 slices half of 4 MiB has room, but not for twenty per cents of each.
+    vkt make noise --dims 300 200 30 --dtype uint64 -o w.nrrd
+    vkt stats w.nrrd --per x --memory 4M --csv >/dev/null
+    fails_with 5 'more than --memory has room for' vkt stats w.nrrd --per x --percentiles "$(seq -s , 0 5 100)" --memory 4M
+}
+
 @test "partial statistics add up to those of the whole" {
     grouped_volumes
     for dtype in uint8 int16 uint32 int64 float16 float32 float64; do
@@ -331,7 +445,7 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     fails_with 2 "labels are integers, these are float32" vkt stats v_31x23x19_uint8.raw --labels mask_31x23x19_float32.raw
     fails_with 2 "give one" vkt stats v_31x23x19_uint8.raw --labels labels_31x23x19_uint16.raw --per z
     fails_with 2 "not one of x, y, z" vkt stats v_31x23x19_uint8.raw --per w
-    fails_with 2 "cannot be joined" vkt stats v_31x23x19_uint8.raw --percentiles 5 --per z
+    fails_with 2 "cannot be joined" vkt stats v_31x23x19_uint8.raw --percentiles 5 --per z --mergeable
     fails_with 2 "go with one input" vkt stats v_31x23x19_uint8.raw v_31x23x19_uint8.raw --mask mask_31x23x19_float32.raw
     fails_with 2 "hierarchical" bash -c 'vkt make amr --blocks 20 --levels 2 | vkt stats --per z'
     fails_with 5 "labels are more than --memory" vkt stats v_31x23x19_float64.raw --labels v_31x23x19_uint32.raw --memory 1M

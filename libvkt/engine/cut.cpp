@@ -4,6 +4,7 @@
 
 #include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/line_passes.h"
 
 namespace vkt {
 namespace {
@@ -188,22 +189,119 @@ void PieceOrder::advance(Box const& piece) {
 
 namespace {
 
-/// All at once, or not at all.
+/// Pieces of the input and blocks of lines that keep half of the budget, as few as that allows up to a size that makes
+/// no more difference.
+class LinesPlan {
+public:
+    LinesPlan(Operation& operation, LinePasses const& passes, Plan const& plan, Execution const& execution)
+        : operation_(operation), plan_(plan), execution_(execution), region_(passes.lines().dims()),
+          together_(std::min(passes.lines_together(), region_.x)), voxel_(size_of(plan.output.dtype)) {}
+
+    WorkPlan of(Header const& input, bool lent) {
+        WorkPlan work;
+        work.bands = true; // the result is kept
+        work.lines.emplace();
+        held_ = choose_threads(work);
+        std::size_t const limit = budget(execution_) / 2;
+        if (held_ + least() > limit) refuse(least());
+        left_ = limit - held_;
+        std::size_t const in = lent ? 0 : size_of(input.dtype);
+        work.cut = pieces(in + voxel_);
+        if (work.cut.rows < plan_.output.dims.y && !region_empty())
+            work.lines->along_y = {columns(region_.y), region_.y, 1};
+        if (!region_empty()) work.lines->along_z = block_along_z();
+        auto const rows = static_cast<std::size_t>(work.cut.rows * work.cut.slices);
+        std::size_t const row = static_cast<std::size_t>(plan_.output.dims.x);
+        work.window = {row * rows * in};
+        work.bytes = held_ + std::max({row * rows * (in + voxel_), bytes_of(work.lines->along_y),
+                                       bytes_of(work.lines->along_z)});
+        return work;
+    }
+
+private:
+    bool region_empty() const { return box_of(region_).empty(); }
+    std::size_t bytes_of(Index3 n) const { return static_cast<std::size_t>(n.x * n.y * n.z) * voxel_; }
+
+    /// Lines that are worked on together, the longest.
+    std::size_t least() const { return bytes_of({together_, 1, std::max(region_.y, region_.z)}); }
+
+    /// What the operation holds itself with as many threads as leave room for voxels.
+    std::size_t choose_threads(WorkPlan& work) {
+        Execution execution = execution_;
+        while (true) {
+            std::size_t const held = plan_.state_bytes + operation_.fit(plan_.output.dims, execution);
+            work.threads = execution.threads;
+            bool const fits = held <= budget(execution_) / 4 && held + least() <= budget(execution_) / 2;
+            if (execution.threads <= 1 || fits) return held;
+            execution.threads = (execution.threads + 1) / 2;
+        }
+    }
+
+    [[noreturn]] void refuse(std::size_t bytes) const {
+        beyond(text(operation_.name(), " on these volumes"), 2 * static_cast<double>(bytes + held_), execution_);
+    }
+
+    /// Slabs, or rows of a slice that is too large, of so many bytes a voxel.
+    Cut pieces(std::size_t voxel) const {
+        Index3 const n = plan_.output.dims;
+        std::size_t const row = static_cast<std::size_t>(n.x) * voxel, slice = row * static_cast<std::size_t>(n.y);
+        Cut cut = cut_of(plan_.output, slab_hint_on(execution_, plan_.output, 0), execution_);
+        if (slice <= left_) return {std::clamp<std::int64_t>(times(left_, slice), 1, cut.slices), n.y};
+        if (row > left_) refuse(row);
+        return {1, std::min(cut.rows, times(left_, row))};
+    }
+
+    /// How many neighbouring lines of this length come at once.
+    std::int64_t columns(std::int64_t length) const {
+        std::size_t const line = static_cast<std::size_t>(length) * voxel_;
+        std::int64_t const fit = times(left_, line);
+        if (fit >= region_.x) return region_.x;
+        return fit / together_ * together_;
+    }
+
+    Index3 block_along_z() const {
+        constexpr std::size_t read_at_once = std::size_t{256} << 10; // more at a time is no faster
+        std::size_t const row = static_cast<std::size_t>(region_.x) * voxel_;
+        std::int64_t const fit = times(left_, row * static_cast<std::size_t>(region_.z));
+        if (fit == 0) return {columns(region_.z), 1, region_.z};
+        std::int64_t const most = std::max<std::int64_t>(1, times(read_at_once, row));
+        return {region_.x, std::min({fit, most, region_.y}), region_.z};
+    }
+
+    Operation& operation_;
+    Plan const& plan_;
+    Execution const& execution_;
+    Index3 region_;
+    std::int64_t together_;
+    std::size_t voxel_;
+    std::size_t held_ = 0; ///< bytes for what the operation holds itself
+    std::size_t left_ = 0; ///< … and for voxels
+};
+
+/// All at once, with as many threads as fit; what works on lines goes through the spool, and all else is refused.
 WorkPlan whole_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
                     std::vector<bool> const& lent, Execution const& execution) {
+    auto const is_lent = [&](std::size_t i) { return i < lent.size() && lent[i]; };
     WorkPlan work;
     work.cut = {plan.output.dims.z, plan.output.dims.y};
-    work.threads = execution.threads;
     work.bands = true; // the result is kept
-    work.bytes = plan.state_bytes + operation.fit(plan.output.dims, execution);
+    std::size_t volumes = 0;
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         work.window.push_back(inputs[i].bytes());
-        if (i >= lent.size() || !lent[i]) work.bytes += inputs[i].bytes();
+        if (!is_lent(i)) volumes += inputs[i].bytes();
     }
-    double const needed = static_cast<double>(work.bytes) + static_cast<double>(plan.output.bytes());
-    if (needed > static_cast<double>(budget(execution)))
-        beyond(text(operation.name(), ", which works on whole volumes,"), needed, execution);
-    return work;
+    double needed = 0;
+    Execution with = execution;
+    for (;; with.threads = (with.threads + 1) / 2) {
+        work.threads = with.threads;
+        work.bytes = plan.state_bytes + operation.fit(plan.output.dims, with) + volumes;
+        needed = static_cast<double>(work.bytes) + static_cast<double>(plan.output.bytes());
+        if (needed <= static_cast<double>(budget(execution))) return work;
+        if (with.threads <= 1) break;
+    }
+    if (auto const* const passes = dynamic_cast<LinePasses const*>(&operation))
+        return LinesPlan(operation, *passes, plan, execution).of(inputs[0], is_lent(0));
+    beyond(text(operation.name(), ", which works on whole volumes,"), needed, execution);
 }
 
 /// Slabs for a GPU: higher as long as what neighbours share is most of what they are made of, since all of it is moved

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -77,10 +78,17 @@ private:
     std::int64_t z_ = 0, y_ = 0; ///< the next row
 };
 
+/// Blocks of lines that are on their way from the spool and back at once, see LinePasses.
+struct LineBlocks {
+    Index3 along_y; ///< all 0 if pieces are whole slices, whose lines along y need no way of their own
+    Index3 along_z;
+};
+
 /// How an operation works within the budget.
 struct WorkPlan {
     Cut cut;                         ///< largest region that it computes at once
     bool bands = false;              ///< rows by rows through all slices: the result is spooled, and served from there
+    std::optional<LineBlocks> lines; ///< it works on lines: its input comes in pieces, the result is spooled
     bool jumps = false;              ///< it goes back in its inputs
     int threads = 1;                 ///< that it may use: as many as asked for, if what each holds of its own fits
     std::size_t bytes = 0;           ///< held by operation and windows

@@ -37,7 +37,7 @@ struct Plan {
     Access access = Access::forward; ///< random: ascending output slabs need input slabs in another order
     bool scans = false;              ///< wants scan() over the whole input before run(); reductions: more than once
     /// run() is called once, for all of the output; footprints are whole inputs. Refused where these, the output and
-    /// state_bytes exceed the budget.
+    /// state_bytes exceed the budget, but for LinePasses.
     bool whole = false;
     /// run() keeps what came before: it is called for all of the output, once, in order: slabs of whole slices, or
     /// whole rows of one. What is then asked for out of order is spooled by who asks.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/cut.h"
+#include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/spool.h"
 #include "libvkt/engine/tree_run.h"
@@ -76,6 +77,8 @@ private:
     void settle_error(std::vector<Header> const& headers, bool scanned);
     void prepare_inputs(std::vector<Header> const& headers);
     void compute_bands();
+    void compute_lines(LinePasses& passes);
+    void on_lines(AnyView voxels, LinePasses& passes, Axis axis);
     void run_on_tree(std::vector<Header> const& headers);
     void change_kind(Header const& input);
     void scan();

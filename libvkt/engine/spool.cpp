@@ -95,10 +95,25 @@ AnyView Spool::place(Box const& box) {
     return dense_view(staging_.write(Space::host), header_.dtype, box);
 }
 
-/// Rows are whole; slices are one piece of the file if all their rows are there.
+AnyView Spool::take(Box const& box) {
+    AnyView const voxels = place(box);
+    if (file_ >= 0) read(voxels);
+    return voxels;
+}
+
+/// Whole rows follow one another in the file, and so do slices if all their rows are there.
 void Spool::store(ConstView voxels) {
     if (file_ < 0) return; // they are in their place
     Box const& box = voxels.box;
+    if (box.dims().x < header_.dims.x) {
+        auto const voxel = static_cast<std::int64_t>(size_of(header_.dtype));
+        for_each_piece(box, {1, 1}, [&](Box const& row) {
+            Index3 const p = row.lower;
+            write(voxels.at(p.x, p.y, p.z), static_cast<std::size_t>(row.dims().x * voxel),
+                  offset_of(p.y, p.z) + p.x * voxel);
+        });
+        return;
+    }
     bool const together = box.dims().y == header_.dims.y;
     std::size_t const slices = together ? static_cast<std::size_t>(box.dims().z) : 1;
     std::size_t const bytes = static_cast<std::size_t>(box.dims().x * box.dims().y) * slices * size_of(header_.dtype);
@@ -155,9 +170,19 @@ void Spool::read(AnyView out) {
             fetch(out.at(0, out.box.lower.y, z), bytes, offset_of(out.box.lower.y, z));
         return;
     }
+    auto const voxel = static_cast<std::int64_t>(size_of(header_.dtype));
+    std::int64_t const row = header_.dims.x * voxel;
+    // What is worth a call of its own is left out.
+    constexpr std::int64_t worth_a_call = 4096;
+    if (row - n.x * voxel >= worth_a_call) {
+        for_each_piece(out.box, {1, 1}, [&](Box const& part) {
+            Index3 const p = part.lower;
+            fetch(out.at(p.x, p.y, p.z), static_cast<std::size_t>(n.x * voxel), offset_of(p.y, p.z) + p.x * voxel);
+        });
+        return;
+    }
     // Some whole rows at a time.
     constexpr std::int64_t together = std::int64_t{256} << 10;
-    std::int64_t const row = header_.dims.x * static_cast<std::int64_t>(size_of(header_.dtype));
     for_each_piece(out.box, {1, std::max<std::int64_t>(1, together / row)}, [&](Box const& part) {
         Box const rows{{0, part.lower.y, part.lower.z}, {header_.dims.x, part.upper.y, part.upper.z}};
         std::size_t const bytes = static_cast<std::size_t>(rows.voxels()) * size_of(header_.dtype);

@@ -24,6 +24,8 @@ public:
     void fill(Source& source, Execution const& execution);
     /// Where to put these voxels before store() takes them.
     AnyView place(Box const& box);
+    /// The same with what was stored there, to be changed.
+    AnyView take(Box const& box);
     void store(ConstView voxels);
 
     void read(AnyView out);

@@ -103,7 +103,7 @@ bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::si
 double peak_bytes(std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work, Plan const& plan,
                   std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
     auto bytes = static_cast<double>(tree ? tree->bytes : work ? work->bytes : plan.state_bytes);
-    if (work && plan.whole) // its inputs are in it
+    if (work && plan.whole && !work->lines) // its inputs are in it
         return bytes + static_cast<double>(plan.output.bytes()) + in_flight(plan.output, execution);
     if (tree) return bytes + (reduction || is_tree(plan.output) ? 0 : in_flight(plan.output, execution));
     if (!reduction)
@@ -136,8 +136,11 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     bool const jumps = work && work->jumps;
     bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
     bool const spools = jumps || plan.access == Access::random || again;
+    bool const lines = work && work->lines;
     bool const whole = plan.whole || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += tree     ? text_of(tree->access)
+            : lines  ? text(", works on lines along x, y and z of a spool of ",
+                            bytes_text(static_cast<double>(plan.output.bytes())))
             : whole  ? ", holds the whole volume"
             : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",
                             work && work->bands ? " and spools its result" : "")

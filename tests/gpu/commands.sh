@@ -191,6 +191,13 @@ for type in $types; do
 done
 "$vkt" set far_uint8.vkt --spacing 0.3,0.7,2.1 -o far_spaced.vkt
 same 0 "$vkt distance far_spaced.vkt --device \$DEVICE -q"
+# Beyond the memory, through the spool: slabs, and slices that are too large themselves.
+for dims in 150,130,90 900,1500,2; do
+    "$vkt" make noise --dims "$dims" --dtype uint8 --seed 4 | "$vkt" threshold --above 5 |
+        "$vkt" set --spacing 0.3,0.7,2.1 -o "beyond_$dims.vkt"
+    same 0 "$vkt distance beyond_$dims.vkt --memory 4M --device \$DEVICE -q"
+    same 0 "$vkt distance beyond_$dims.vkt --memory 4M --signed --unit voxel --device \$DEVICE -q"
+done
 same 0 "$vkt pipe 'read far_uint8.vkt | fill-holes | distance | flip x | label --connectivity 26 | project max --axis y' -q"
 same 1e-3 "$vkt pipe 'read far_float32.vkt | filter gaussian --sigma 1 | scan | slice --axis x' -q"
 same 0 "$vkt scan far_int64.vkt --memory 8M --slab 1 --device \$DEVICE -q"

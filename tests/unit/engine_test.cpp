@@ -3,6 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
+#include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/pipeline.h"
 
 #include <cstring>
@@ -111,6 +112,77 @@ public:
 private:
     std::int32_t least_ = 0;
     PieceOrder seen_;
+};
+
+/// Sums along x, y and z, less a voxel's place among the five that come together; -1 outside of a region.
+class LineSums : public Operation, public LinePasses {
+public:
+    explicit LineSums(Box region) : region_(region) {}
+    std::string_view name() const override { return "line sums"; }
+    Shape shape() const override { return Shape::geometric; }
+    Plan plan(std::span<Header const> inputs) const override {
+        Plan plan;
+        plan.output = inputs[0];
+        plan.whole = true;
+        return plan;
+    }
+    void begin(std::span<Header const>, Plan const&) override {
+        passes_ = 0;
+        largest_ = 0;
+    }
+    Box footprint(Box const&, int) const override { return region_; }
+    void run(std::span<ConstView const> in, AnyView out, Execution const& execution) override {
+        pass_x(in[0], out, execution);
+        pass(Axis::y, out.part(region_), execution);
+        pass(Axis::z, out.part(region_), execution);
+    }
+    Box lines() const override { return region_; }
+    std::int64_t lines_together() const override { return 5; }
+    void pass_x(ConstView in, AnyView out, Execution const&) override {
+        tell(out);
+        EXPECT_EQ(out.box.lower.x, 0);
+        auto const a = in.as<std::int32_t>();
+        auto const b = out.as<std::int32_t>();
+        for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (auto y = out.box.lower.y; y < out.box.upper.y; ++y) {
+                std::uint32_t sum = 0;
+                for (auto x = out.box.lower.x; x < out.box.upper.x; ++x) {
+                    bool const inside = region_.contains({{x, y, z}, {x + 1, y + 1, z + 1}});
+                    if (inside) sum += static_cast<std::uint32_t>(a(x, y, z));
+                    b(x, y, z) = inside ? static_cast<std::int32_t>(sum) : -1;
+                }
+            }
+    }
+    void pass(Axis axis, AnyView lines, Execution const&) override {
+        tell(lines);
+        int const a = static_cast<int>(axis);
+        Box const box = lines.box;
+        EXPECT_EQ(box.lower[a], region_.lower[a]);
+        EXPECT_EQ(box.upper[a], region_.upper[a]);
+        auto const v = lines.as<std::int32_t>();
+        for (auto z = box.lower.z; z < box.upper.z; ++z)
+            for (auto y = box.lower.y; y < box.upper.y; ++y)
+                for (auto x = box.lower.x; x < box.upper.x; ++x) {
+                    Index3 before{x, y, z};
+                    --before[a];
+                    auto sum =
+                        static_cast<std::uint32_t>(v(x, y, z)) - static_cast<std::uint32_t>((x - box.lower.x) % 5);
+                    if (before[a] >= box.lower[a]) sum += static_cast<std::uint32_t>(v(before.x, before.y, before.z));
+                    v(x, y, z) = static_cast<std::int32_t>(sum);
+                }
+    }
+    int passes() const { return passes_; }
+    std::size_t largest() const { return largest_; }
+
+private:
+    void tell(AnyView view) {
+        ++passes_;
+        largest_ = std::max(largest_, view.bytes());
+    }
+
+    Box region_;
+    int passes_ = 0;
+    std::size_t largest_ = 0; ///< bytes of a pass
 };
 
 class CutOut : public Operation {
@@ -327,6 +399,33 @@ TEST(Engine, RowsOfLargeSlicesGiveTheSameAndAskForLittle) {
         Volume result(source->header());
         source->read(result.mutable_view());
         EXPECT_LE(most, std::size_t{2} << 20) << i;
+    }
+}
+
+TEST(Engine, LinesOfASpoolGiveTheSameAndAskForLittle) {
+    // Slabs; slices, and lines along z of a row, beyond the least budget.
+    for (Index3 const dims : {Index3{90, 110, 140}, Index3{700, 1100, 3}, Index3{1000, 3, 1200}}) {
+        Volume const input = random_volume(dims, 7);
+        for (Box const& region : {box_of(dims), Box{{7, 1, 1}, {dims.x - 9, dims.y - 1, dims.z - 1}}}) {
+            LineSums sums(region);
+            Execution plenty;
+            plenty.memory = std::size_t{1} << 30;
+            Volume const expected = apply(sums, {input}, plenty);
+            EXPECT_EQ(sums.passes(), 3);
+            Execution small;
+            small.memory = 1;
+            std::size_t most = 0;
+            std::vector<std::unique_ptr<Source>> inputs;
+            inputs.push_back(std::make_unique<Watched>(volume_source({input}), most));
+            auto const source = attach(std::move(inputs), sums, small, {});
+            ASSERT_TRUE(source->next_volume());
+            Volume result(source->header());
+            source->read(result.mutable_view());
+            EXPECT_GT(sums.passes(), 3);
+            EXPECT_LE(most, std::size_t{2} << 20);
+            EXPECT_LE(sums.largest(), std::size_t{2} << 20);
+            EXPECT_EQ(std::memcmp(result.view().data, expected.view().data, expected.header().bytes()), 0) << dims.x;
+        }
     }
 }
 

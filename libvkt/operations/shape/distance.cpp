@@ -43,20 +43,28 @@ std::optional<WholeSpacing> whole_spacing(Vec3 spacing, Index3 dims) {
     return std::nullopt;
 }
 
+/// What a thread holds of the lines that it works on: themselves and their results, of one side or both.
+std::size_t bytes_of_thread(Index3 dims, bool whole, bool both) {
+    std::int64_t const longest = std::max(dims.y, dims.z);
+    return static_cast<std::size_t>(longest + 40) * (distance_lanes * (whole ? 4 : 8) * (both ? 4 : 2) + 16);
+}
+
 } // namespace
 
 VKT_OPERATION(Distance, "distance")
 
 Texts Distance::texts() const {
-    return {"Measure the distance to the nearest zero voxel.",
-            "Exact Euclidean distances, in world units, from the centre of every non-zero voxel to the centre of the "
-            "nearest one that is zero or NaN; float32. Outside of the volume there is nothing to measure to."
-            "\n\n"
-            "Accuracy: Within 2^-23 of the value; correctly rounded where squared distances are whole numbers of a "
-            "common unit, as with equal spacings.",
-            {{"How deep voxels lie inside of the object", "vkt distance volume.nrrd -o depth.nrrd"},
-             {"Inside positive, outside negative, in voxels",
-              "vkt distance volume.nrrd --signed --unit voxel | vkt stats"}}};
+    return {
+        "Measure the distance to the nearest zero voxel.",
+        "Exact Euclidean distances, in world units, from the centre of every non-zero voxel to the centre of the "
+        "nearest one that is zero or NaN; float32. Outside of the volume there is nothing to measure to. What --memory "
+        "has no room for is worked on line by line in a spool of 4 bytes a voxel."
+        "\n\n"
+        "Accuracy: Within 2^-23 of the value; correctly rounded where squared distances are whole numbers of a "
+        "common unit, as with equal spacings.",
+        {{"How deep voxels lie inside of the object", "vkt distance volume.nrrd -o depth.nrrd"},
+         {"Inside positive, outside negative, in voxels",
+          "vkt distance volume.nrrd --signed --unit voxel | vkt stats"}}};
 }
 
 void Distance::parameters(Parameters& parameters) {
@@ -110,15 +118,13 @@ Plan Distance::plan(std::span<Header const> inputs) const {
     }
     plan.passing = ErrorPassing::jumps(ValueInterval{0, std::sqrt(dot(size, size))});
     plan.passing.storing = ErrorPassing::Storing::computes;
-    std::int64_t const longest = std::max(dims.y, dims.z);
-    plan.state_bytes = static_cast<std::size_t>(longest + 40) * 16 * (steps.whole ? 4 : 8) * 4 + 65536;
+    plan.state_bytes = bytes_of_thread(dims, steps.whole, both) + 65536;
     return plan;
 }
 
 void Distance::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs[0];
-    nan_ = 0;
-    none_ = false;
+    nan_ = objects_ = 0;
     zero_ = stored_zero(input_);
     if (input_.kind == Kind::hierarchical) return;
     region_ = roi.resolve(input_.dims);
@@ -132,37 +138,57 @@ bool Distance::runs_on_gpu() const {
 
 Box Distance::footprint(Box const&, int) const { return region_; }
 
-void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution const& execution) {
-    if (region_ != whole.box) fill_box(whole, VoxelBytes{}, execution);
-    AnyView const out = whole.part(region_).moved_to({});
+std::size_t Distance::fit(Index3, Execution const& execution) {
+    return static_cast<std::size_t>(std::max(0, execution.threads - 1)) *
+           bytes_of_thread(region_.dims(), steps_.whole, both);
+}
+
+std::int64_t Distance::lines_together() const { return distance_lanes; }
+
+void Distance::pass_x(ConstView in, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, region_);
+    if (inside != out.box) fill_box(out, VoxelBytes{}, execution);
+    if (inside.empty()) return;
     DistanceRows rows;
     rows.zero = zero_;
     rows.whole = steps_.whole;
     rows.both_sides = both;
     rows.weight = steps_.weights[0];
-    std::optional<ProgressPart> share(std::in_place, execution.monitor, 0.0, 0.2);
-    distance_rows(inputs[0].part(region_).moved_to({}), out, rows, execution);
-    nan_ = rows.nan;
-    none_ = rows.objects == out.box.voxels() || (both && rows.objects == 0);
+    distance_rows(in.part(inside).moved_to({}), out.part(inside).moved_to({}), rows, execution);
+    nan_ += rows.nan;
+    objects_ += rows.objects;
+}
+
+void Distance::pass(Axis axis, AnyView lines, Execution const& execution) {
     DistancePass pass;
+    pass.axis = axis;
     pass.whole = steps_.whole;
     pass.both_sides = both;
-    pass.weight = steps_.weights[1];
-    pass.weight_before = steps_.whole ? 0 : steps_.weights[0];
+    if (axis == Axis::y) {
+        pass.weight = steps_.weights[1];
+        pass.weight_before = steps_.whole ? 0 : steps_.weights[0];
+    } else {
+        pass.weight = steps_.weights[2];
+        pass.unit = steps_.unit;
+    }
+    distance_pass(lines.moved_to({}), pass, execution);
+}
+
+void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution const& execution) {
+    std::optional<ProgressPart> share(std::in_place, execution.monitor, 0.0, 0.2);
+    pass_x(inputs[0], whole, execution);
+    AnyView const lines = whole.part(region_);
     share.emplace(execution.monitor, 0.2, 0.4);
-    distance_pass(out, pass, execution);
-    pass.axis = Axis::z;
-    pass.weight = steps_.weights[2];
-    pass.weight_before = 0;
-    pass.unit = steps_.unit;
+    pass(Axis::y, lines, execution);
     share.emplace(execution.monitor, 0.6, 0.4);
-    distance_pass(out, pass, execution);
+    pass(Axis::z, lines, execution);
 }
 
 std::vector<Remark> Distance::remarks() const {
     std::vector<Remark> result;
     if (nan_ > 0) result.push_back({text(share_text(nan_, region_.voxels()), " not a number: taken for zero"), false});
-    if (none_) result.push_back({"all voxels are of one kind: distances are infinite", false});
+    bool const none = objects_ == region_.voxels() || (both && objects_ == 0);
+    if (none) result.push_back({"all voxels are of one kind: distances are infinite", false});
     return result;
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/filter/gaussian.h"
 
@@ -14,8 +15,9 @@ namespace vkt {
 /// in float32, 0 at those; infinite where there is none. What lies outside of the volume counts as nothing. With
 /// `both`, voxels that are zero hold minus the distance to the nearest that is not. Squares of distances are whole
 /// numbers where the ratio of the spacings is one of small integers, and then exact; otherwise they round to float32
-/// once. Three passes over lines, in place; cost grows with the distances up to 20 voxels and no more beyond.
-class Distance : public Operation {
+/// once. Three passes over lines, in place, in memory or in the spool; cost grows with the distances up to 20 voxels and
+/// no more beyond.
+class Distance : public Operation, public LinePasses {
 public:
     bool both = false;
     LengthUnit unit = LengthUnit::world;
@@ -29,9 +31,15 @@ public:
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
     Box footprint(Box const& output, int input) const override;
+    /// What every thread beside the first holds for its lines.
+    std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     /// Lines of up to 22000 voxels, whose tables fit into the memory that threads of a GPU share.
     bool runs_on_gpu() const override;
+    Box lines() const override { return region_; }
+    std::int64_t lines_together() const override;
+    void pass_x(ConstView in, AnyView out, Execution const& execution) override;
+    void pass(Axis axis, AnyView lines, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 
 private:
@@ -48,8 +56,7 @@ private:
     Box region_;
     std::optional<double> zero_;
     Steps steps_;
-    std::int64_t nan_ = 0;
-    bool none_ = false; ///< nothing to measure to
+    std::int64_t nan_ = 0, objects_ = 0; ///< voxels that are, so far
 };
 
 } // namespace vkt

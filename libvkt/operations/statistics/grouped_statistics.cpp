@@ -2,12 +2,14 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/grouped_statistics.h"
 
+#include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/common/same_grid.h"
 
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <omp.h>
 #include <unordered_map>
 
 namespace vkt {
@@ -121,40 +123,55 @@ private:
     std::int64_t last_key_ = 0;
 };
 
-struct Beside {
-    ConstView slab;
-    std::optional<ConstView> mask, labels;
+/// Which groups the voxels of rows belong to, and which of them count.
+class RowKeys {
+public:
+    RowKeys(ConstView const* mask, ConstView const* labels, GroupedBy by, Box const& box)
+        : mask_(mask), labels_(labels), by_(by), lower_(box.lower.x), keys_(static_cast<std::size_t>(box.dims().x)),
+          counts_(keys_.size(), 1) {
+        for (std::size_t i = 0; i < keys_.size() && by == GroupedBy::x; ++i)
+            keys_[i] = lower_ + static_cast<std::int64_t>(i);
+    }
+    void read(std::int64_t y, std::int64_t z) {
+        std::size_t const n = keys_.size();
+        if (by_ == GroupedBy::y || by_ == GroupedBy::z)
+            std::fill(keys_.begin(), keys_.end(), by_ == GroupedBy::y ? y : z);
+        if (mask_ != nullptr)
+            with_type(mask_->type, [&]<class M>(M) {
+                M const* const row = reinterpret_cast<M const*>(mask_->at(lower_, y, z));
+                for (std::size_t i = 0; i < n; ++i) counts_[i] = static_cast<double>(row[i]) != 0 ? 1 : 0;
+            });
+        if (labels_ != nullptr)
+            with_type(labels_->type, [&]<class L>(L) {
+                L const* const row = reinterpret_cast<L const*>(labels_->at(lower_, y, z));
+                if constexpr (std::is_integral_v<L>)
+                    for (std::size_t i = 0; i < n; ++i) keys_[i] = static_cast<std::int64_t>(row[i]);
+            });
+    }
+    std::int64_t key(std::size_t i) const { return keys_[i]; }
+    bool counts(std::size_t i) const { return counts_[i] != 0; }
+
+private:
+    ConstView const *mask_, *labels_;
+    GroupedBy by_;
+    std::int64_t lower_;
+    std::vector<std::int64_t> keys_;
+    std::vector<std::uint8_t> counts_;
 };
 
 template <class T>
-std::map<std::int64_t, PartialStatistics> block_groups(Beside const& in, Box const& box, GroupedBy by,
+std::map<std::int64_t, PartialStatistics> block_groups(View<T const> const& voxels, RowKeys rows, Box const& box,
                                                        ValueMap const& map) {
     std::int64_t const z = box.lower.z;
     auto const n = static_cast<std::size_t>(box.dims().x);
-    View<T const> const voxels = in.slab.as<T>();
     bool const mapped = !(map == ValueMap{});
-    std::vector<std::int64_t> keys(n, by == GroupedBy::z ? z : 0);
-    std::vector<std::uint8_t> counts(n, 1);
-    if (by == GroupedBy::x)
-        for (std::size_t i = 0; i < n; ++i) keys[i] = box.lower.x + static_cast<std::int64_t>(i);
     BlockGroups<T> groups;
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
-        if (by == GroupedBy::y) std::fill(keys.begin(), keys.end(), y);
-        if (in.mask)
-            with_type(in.mask->type, [&]<class M>(M) {
-                M const* const row = reinterpret_cast<M const*>(in.mask->at(box.lower.x, y, z));
-                for (std::size_t i = 0; i < n; ++i) counts[i] = static_cast<double>(row[i]) != 0 ? 1 : 0;
-            });
-        if (in.labels)
-            with_type(in.labels->type, [&]<class L>(L) {
-                L const* const row = reinterpret_cast<L const*>(in.labels->at(box.lower.x, y, z));
-                if constexpr (std::is_integral_v<L>)
-                    for (std::size_t i = 0; i < n; ++i) keys[i] = static_cast<std::int64_t>(row[i]);
-            });
+        rows.read(y, z);
         for (std::size_t i = 0; i < n; ++i) {
-            if (counts[i] == 0) continue;
+            if (!rows.counts(i)) continue;
             std::int64_t const x = box.lower.x + static_cast<std::int64_t>(i);
-            groups.at(keys[i]).add(voxels(x, y, z), {x, y, z}, map, mapped);
+            groups.at(rows.key(i)).add(voxels(x, y, z), {x, y, z}, map, mapped);
         }
     }
     return groups.partial();
@@ -169,7 +186,47 @@ ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
     return view;
 }
 
+constexpr std::int64_t bytes_of_sums = sizeof(PartialStatistics) + 64;
+
 } // namespace
+
+/// Voxels, and what lies beside them.
+struct GroupedStatistics::Slab {
+    ConstView voxels;
+    std::optional<ConstView> mask, labels;
+
+    RowKeys keys(GroupedBy what) const {
+        return {mask ? &*mask : nullptr, labels ? &*labels : nullptr, what, voxels.box};
+    }
+};
+
+/// The numbers of keys, of which there are some in ascending order.
+class GroupedStatistics::Numbers {
+public:
+    explicit Numbers(std::vector<std::int64_t> keys) : keys_(std::move(keys)) {
+        if (keys_.empty()) return;
+        auto const span = static_cast<std::uint64_t>(keys_.back()) - static_cast<std::uint64_t>(keys_.front());
+        if (span > 4 * keys_.size() + 65536) return;
+        table_.assign(span + 1, GroupedQuantiles::no_group);
+        for (std::size_t i = 0; i < keys_.size(); ++i) table_[offset(keys_[i])] = static_cast<std::uint32_t>(i);
+    }
+    std::vector<std::int64_t> const& keys() const { return keys_; }
+    std::uint32_t of(std::int64_t key) const {
+        if (keys_.empty()) return GroupedQuantiles::no_group;
+        if (!table_.empty()) return offset(key) < table_.size() ? table_[offset(key)] : GroupedQuantiles::no_group;
+        auto const found = std::lower_bound(keys_.begin(), keys_.end(), key);
+        bool const known = found != keys_.end() && *found == key;
+        return known ? static_cast<std::uint32_t>(found - keys_.begin()) : GroupedQuantiles::no_group;
+    }
+
+private:
+    std::uint64_t offset(std::int64_t key) const {
+        return static_cast<std::uint64_t>(key) - static_cast<std::uint64_t>(keys_.front());
+    }
+
+    std::vector<std::int64_t> keys_;
+    std::vector<std::uint32_t> table_; ///< by their distance from the first, where that is no long way
+};
 
 std::string GroupedResult::key_text(std::int64_t key) const {
     return unsigned_keys ? to_text(static_cast<std::uint64_t>(key)) : to_text(key);
@@ -206,6 +263,7 @@ Plan GroupedStatistics::plan(std::span<Header const> inputs) const {
         plan.error.magnitude = 1e-15;
     }
     plan.cost = 20;
+    if (!percents.values.empty()) plan.scans = true;
     return plan;
 }
 
@@ -218,23 +276,45 @@ void GroupedStatistics::begin(std::span<Header const> inputs, Plan const&) {
     result_.values = input_.values;
     result_.unsigned_keys = labels != nullptr && labels->header().dtype == DataType::uint64;
     if (by == GroupedBy::volume) result_.groups[0]; // also if nothing is counted
+    quantiles_.reset();
+    numbers_.reset();
+}
+
+/// Sums and a row of the report, and what its percentiles take.
+std::int64_t GroupedStatistics::bytes_of_group() const {
+    constexpr std::int64_t printed = 2048, printed_percentile = 128;
+    std::size_t const n = percents.values.size();
+    if (n == 0) return bytes_of_sums + printed;
+    return bytes_of_sums + printed + printed_percentile * static_cast<std::int64_t>(n) +
+           static_cast<std::int64_t>(GroupedQuantiles::bytes_of_group(n));
+}
+
+std::int64_t GroupedStatistics::room(Execution const& execution) const {
+    constexpr std::int64_t least = std::int64_t{4} << 20;
+    return std::max(static_cast<std::int64_t>(execution.memory), least) / 2;
 }
 
 void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
-    Beside in{slab.part(box), {}, {}};
+    Slab in{slab.part(box), {}, {}};
     if (mask != nullptr) in.mask = voxels_of(*mask, box, mask_buffer_);
     if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
+    if (quantiles_)
+        select(in, execution);
+    else
+        sum(in, execution);
+}
+
+void GroupedStatistics::sum(Slab const& in, Execution const& execution) {
+    Box const box = in.voxels.box;
     std::int64_t const rows = block_rows(region_.dims()), per_slice = (box.dims().y - 1) / rows + 1;
     std::int64_t const blocks = per_slice * box.dims().z, threads = std::max(1, execution.threads);
-    constexpr std::int64_t each = sizeof(PartialStatistics) + 64, printed = 2048, least = std::int64_t{4} << 20;
-    std::int64_t const room = std::max(static_cast<std::int64_t>(execution.memory), least) / 2;
     std::int64_t together = std::min(blocks, 2 * threads);
     // Slices across x: every block has all of them, one that is being summed twice.
     auto const held_by_x = [&] { return region_.dims().x * (together + std::min(threads, together)); };
     auto const has_room = [&](std::int64_t groups, std::int64_t in_blocks) {
-        return groups * (each + printed) + in_blocks * each <= room;
+        return groups * bytes_of_group() + in_blocks * bytes_of_sums <= room(execution);
     };
     auto const check_room = [&](std::int64_t groups, std::int64_t in_blocks) {
         if (!has_room(groups, in_blocks))
@@ -251,7 +331,7 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     for (std::int64_t first = 0; first < blocks; first += together) {
         std::int64_t const n = std::min(together, blocks - first);
         std::exception_ptr failure;
-        with_type(slab.type, [&]<class T>(T) {
+        with_type(in.voxels.type, [&]<class T>(T) {
 #pragma omp parallel for num_threads(execution.threads) schedule(dynamic) if (n > 1)
             for (std::int64_t i = 0; i < n; ++i) {
                 Box block = box;
@@ -259,7 +339,8 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
                 block.lower.z += (first + i) / per_slice;
                 block.upper = {box.upper.x, std::min(block.lower.y + rows, box.upper.y), block.lower.z + 1};
                 try {
-                    found[static_cast<std::size_t>(i)] = block_groups<T>(in, block, by, input_.values);
+                    found[static_cast<std::size_t>(i)] =
+                        block_groups<T>(in.voxels.as<T>(), in.keys(by), block, input_.values);
                 } catch (...) { // there is no memory left
 #pragma omp critical
                     failure = std::current_exception();
@@ -275,6 +356,51 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
         }
         check_room(std::ssize(result_.groups), held);
     }
+}
+
+void GroupedStatistics::select(Slab const& in, Execution const& execution) {
+    if (!quantiles_->in_pass()) {
+        std::int64_t const left = room(execution) - std::ssize(numbers_->keys()) * bytes_of_group();
+        quantiles_->begin_pass(static_cast<std::size_t>(std::max<std::int64_t>(0, left)), execution.threads);
+    }
+    Box const box = in.voxels.box;
+    Index3 const n = box.dims();
+    int const threads = static_cast<int>(std::clamp<std::int64_t>(box.voxels() / 32768, 1, quantiles_->threads()));
+    VKT_BACKEND::for_each_item(threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
+        RowKeys rows = in.keys(by);
+        std::vector<std::uint32_t> groups(static_cast<std::size_t>(n.x));
+        for (std::int64_t i = begin; i < end; ++i) {
+            VKT_BACKEND::tell_progress(execution, begin, i, end);
+            std::int64_t const y = box.lower.y + i % n.y, z = box.lower.z + i / n.y;
+            rows.read(y, z);
+            for (std::size_t x = 0; x < groups.size(); ++x)
+                groups[x] = rows.counts(x) ? numbers_->of(rows.key(x)) : GroupedQuantiles::no_group;
+            quantiles_->add(in.voxels.at(box.lower.x, y, z), groups.data(), n.x, omp_get_thread_num());
+        }
+    });
+}
+
+void GroupedStatistics::scan_end() {
+    if (percents.values.empty()) return;
+    if (!quantiles_) {
+        std::vector<std::int64_t> keys, finite;
+        for (auto const& [key, group] : result_.groups) {
+            keys.push_back(key);
+            finite.push_back(group.moments.finite);
+        }
+        numbers_ = std::make_shared<Numbers const>(std::move(keys));
+        quantiles_.emplace(input_.dtype, percents.of_stored(input_.values), std::move(finite));
+    } else if (quantiles_->in_pass()) {
+        quantiles_->end_pass();
+    }
+    if (quantiles_->unfinished()) return;
+    std::vector<std::int64_t> const& keys = numbers_->keys();
+    for (std::size_t group = 0; group < keys.size(); ++group)
+        for (std::size_t i = 0; i < percents.values.size(); ++i)
+            result_.percentiles[keys[group]].push_back(
+                quantiles_->count(group) > 0
+                    ? percentile_of(percents.values[i], quantiles_->percentile(group, i), input_.values)
+                    : Percentile{percents.values[i], "nan"});
 }
 
 } // namespace vkt

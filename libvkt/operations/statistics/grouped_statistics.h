@@ -3,9 +3,12 @@
 #pragma once
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/operations/statistics/grouped_quantiles.h"
 #include "libvkt/operations/statistics/statistics.h"
 
 #include <map>
+#include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +25,7 @@ struct GroupedResult {
     ValueMap values;
     bool unsigned_keys = false; ///< labels are uint64
     std::map<std::int64_t, PartialStatistics> groups;
+    std::map<std::int64_t, std::vector<Percentile>> percentiles; ///< as asked for; they do not add up
 
     std::string key_text(std::int64_t key) const;
     /// Groups of the same key are joined. Throws Error{data} if type, value map or kind differ.
@@ -36,11 +40,13 @@ GroupedResult grouped_from_json(std::string_view json, std::string const& name);
 /// A reduction of one volume, with a mask and labels read beside it. Integers of up to 32 bits are summed exactly, the
 /// others in extended precision relative to their group's first value; each group is summed by blocks of some rows in
 /// x-fastest order, and blocks are merged in order: the same bits for every slab height and thread count.
-/// O(groups) memory, refused with Error{resources} beyond half of the budget.
+/// O(groups) memory, refused with Error{resources} beyond half of the budget. Percentiles are those of
+/// GroupedQuantiles, from further passes: mask and labels are read again, too.
 class GroupedStatistics : public Operation {
 public:
     Roi roi; ///< part to look at; empty: all
     GroupedBy by = GroupedBy::volume;
+    PercentList percents;
     Source* mask = nullptr;   ///< its current volume: voxels count where it is not 0; null: all do
     Source* labels = nullptr; ///< its current volume, of integers
 
@@ -52,16 +58,27 @@ public:
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     std::int64_t scan_step(Index3 part) const override { return block_rows(part); }
     void scan(ConstView slab, Execution const& execution) override;
+    void scan_end() override;
+    bool scans_again() const override { return quantiles_ && quantiles_->unfinished(); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     GroupedResult const& result() const { return result_; }
 
 private:
+    struct Slab;
+    class Numbers;
+
     static std::int64_t block_rows(Index3 dims) { return std::max<std::int64_t>(1, 16384 / dims.x); }
+    void sum(Slab const& slab, Execution const& execution);
+    void select(Slab const& slab, Execution const& execution);
+    std::int64_t bytes_of_group() const;
+    std::int64_t room(Execution const& execution) const;
 
     Header input_;
     Box region_;
     Buffer mask_buffer_, label_buffer_;
+    std::optional<GroupedQuantiles> quantiles_; ///< after the first pass, if percentiles are wanted
+    std::shared_ptr<Numbers const> numbers_;    ///< … of its groups
     GroupedResult result_;
 };
 

@@ -5,11 +5,10 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/first_failure.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/statistics/ordered_bits.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <limits>
 #include <omp.h>
 #include <type_traits>
 
@@ -20,44 +19,6 @@ namespace {
 constexpr std::int64_t most_collected = std::int64_t{1} << 18;
 constexpr std::size_t bins = 65536;
 constexpr int most_threads = 16;
-
-template <class T>
-using Pattern =
-    std::conditional_t<sizeof(T) == 1, std::uint8_t,
-                       std::conditional_t<sizeof(T) == 2, std::uint16_t,
-                                          std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
-
-template <class T> constexpr Pattern<T> top = static_cast<Pattern<T>>(Pattern<T>{1} << (8 * sizeof(T) - 1));
-
-/// The bits of a value, arranged to ascend with it. -0 comes with 0, so that equal values have equal patterns.
-template <class T> Pattern<T> key_of(T value) {
-    using P = Pattern<T>;
-    auto const bits = std::bit_cast<P>(value);
-    if constexpr (std::is_integral_v<T>)
-        return std::is_signed_v<T> ? static_cast<P>(bits ^ top<T>) : bits;
-    else if (bits == top<T>)
-        return top<T>;
-    else
-        return (bits & top<T>) != 0 ? static_cast<P>(~bits) : static_cast<P>(bits | top<T>);
-}
-
-template <class T> T value_at(std::uint64_t key) {
-    using P = Pattern<T>;
-    auto const bits = static_cast<P>(key);
-    if constexpr (std::is_integral_v<T>)
-        return static_cast<T>(std::is_signed_v<T> ? static_cast<P>(bits ^ top<T>) : bits);
-    else
-        return std::bit_cast<T>((bits & top<T>) != 0 ? static_cast<P>(bits & ~top<T>) : static_cast<P>(~bits));
-}
-
-template <class T> bool is_finite(T value) {
-    if constexpr (std::is_integral_v<T>)
-        return true;
-    else if constexpr (std::is_same_v<T, Half>)
-        return (value.bits & 0x7c00u) != 0x7c00u;
-    else
-        return value - value == T(0); // NOLINT(misc-redundant-expression): neither infinite nor NaN
-}
 
 } // namespace
 
@@ -126,16 +87,16 @@ template <class T> void Quantiles::add_row(T const* row, std::int64_t n, Share& 
     if (known_ == 0 && !collects_) { // all belong to the one class there is
         std::int64_t* const counters = share.classes.front().counters.data();
         for (std::int64_t i = 0; i < n; ++i) {
-            if (!is_finite(row[i])) continue;
+            if (!is_finite_voxel(row[i])) continue;
             ++finite;
-            ++counters[key_of(row[i]) >> std::max(bits - 16, 0)];
+            ++counters[ordered_bits(row[i]) >> std::max(bits - 16, 0)];
         }
     } else {
         int const rest = bits - known_, left = std::max(rest - 16, 0);
         for (std::int64_t i = 0; i < n; ++i) {
-            if (!is_finite(row[i])) continue;
+            if (!is_finite_voxel(row[i])) continue;
             ++finite;
-            std::uint64_t const key = key_of(row[i]), prefix = known_ == 0 ? 0 : key >> rest;
+            std::uint64_t const key = ordered_bits(row[i]), prefix = known_ == 0 ? 0 : key >> rest;
             for (Class& c : share.classes) {
                 if (c.prefix != prefix) continue;
                 if (collects_)
@@ -163,10 +124,9 @@ void Quantiles::place_targets() {
     count_ = 0;
     for (Share const& share : shares_) count_ += share.finite;
     for (std::size_t i = 0; i < percents_.size() && count_ > 0; ++i) {
-        double const position = percents_[i] / 100 * static_cast<double>(count_ - 1);
-        auto const rank = std::clamp<std::int64_t>(static_cast<std::int64_t>(position), 0, count_ - 1);
-        targets_[2 * i].rank = rank;
-        targets_[2 * i + 1].rank = std::min(rank + 1, count_ - 1);
+        RankedPosition const at = position_in(count_, percents_[i]);
+        targets_[2 * i].rank = at.below;
+        targets_[2 * i + 1].rank = at.above;
     }
 }
 
@@ -205,24 +165,32 @@ bool Quantiles::end_pass() {
     return true;
 }
 
-StoredValue Quantiles::value_of(std::uint64_t key) const {
+StoredValue stored_value(DataType type, std::uint64_t bits) {
     StoredValue result;
-    with_type(type_, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T> && sizeof(T) == 8)
-            result.whole = value_at<T>(key);
+            result.whole = value_of_ordered<T>(bits);
         else
-            result.rest = static_cast<double>(value_at<T>(key));
+            result.rest = static_cast<double>(value_of_ordered<T>(bits));
     });
     return result;
 }
 
-StoredValue Quantiles::percentile(std::size_t i) const {
-    StoredValue const below = value_of(targets_[2 * i].prefix), above = value_of(targets_[2 * i + 1].prefix);
-    double const position = percents_[i] / 100 * static_cast<double>(count_ - 1);
-    double const share = position - std::floor(position);
+RankedPosition position_in(std::int64_t count, double percent) {
+    double const position = percent / 100 * static_cast<double>(count - 1);
+    auto const rank = std::clamp<std::int64_t>(static_cast<std::int64_t>(position), 0, count - 1);
+    return {rank, std::min(rank + 1, count - 1), position - std::floor(position)};
+}
+
+StoredValue between(DataType type, StoredValue const& below, StoredValue const& above, double share) {
     if (share == 0) return below;
-    if (is_integer(type_)) return {below.whole, below.rest + share * (above - below)};
+    if (is_integer(type)) return {below.whole, below.rest + share * (above - below)};
     return {0, std::lerp(below.rest, above.rest, share)};
+}
+
+StoredValue Quantiles::percentile(std::size_t i) const {
+    return between(type_, stored_value(type_, targets_[2 * i].prefix), stored_value(type_, targets_[2 * i + 1].prefix),
+                   position_in(count_, percents_[i]).share);
 }
 
 } // namespace vkt

@@ -22,6 +22,17 @@ struct StoredValue {
     }
 };
 
+/// The value whose ordered_bits() these are.
+StoredValue stored_value(DataType type, std::uint64_t bits);
+
+/// Between which ranks of so many values a percentile lies, and how far from the lower one (numpy's "linear").
+struct RankedPosition {
+    std::int64_t below = 0, above = 0;
+    double share = 0;
+};
+RankedPosition position_in(std::int64_t count, double percent);
+StoredValue between(DataType type, StoredValue const& below, StoredValue const& above, double share);
+
 /// Finds percentiles of the finite voxels by their order alone: patterns of every type can be arranged to ascend with
 /// the value, and pass by pass 16 more bits of those at the wanted ranks become known. Exact for every distribution,
 /// and independent of the order of the voxels, slabs and threads. One pass for types of 16 bits and for up to 2^21
@@ -64,7 +75,6 @@ private:
     void begin_pass();
     void place_targets();
     Class merged(std::size_t i) const;
-    StoredValue value_of(std::uint64_t key) const;
 
     DataType type_;
     int width_; ///< bits of a pattern

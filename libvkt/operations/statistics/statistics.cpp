@@ -229,13 +229,21 @@ Box Statistics::region_in(Header const& in) const {
     return in.kind == Kind::hierarchical ? region_of(in) : box_of(in.dims);
 }
 
-/// Of stored values; percents are of physical ones.
+std::vector<double> PercentList::of_stored(ValueMap const& map) const {
+    std::vector<double> stored = values;
+    for (double& percent : stored) percent = map.slope < 0 ? 100 - percent : percent;
+    return stored;
+}
+
+Percentile percentile_of(double percent, StoredValue const& stored, ValueMap const& map) {
+    bool const whole = map == ValueMap{} && stored.rest == 0 && stored.whole != 0;
+    return {percent, whole ? to_text(stored.whole) : to_text(map.physical(stored.value()))};
+}
+
 std::optional<Quantiles> Statistics::quantiles_for(Header const& in) const {
     if (!percentiles()) return std::nullopt;
-    std::vector<double> stored = percents_.values;
-    for (double& percent : stored) percent = in.values.slope < 0 ? 100 - percent : percent;
     std::int64_t const cells = in.kind == Kind::hierarchical ? in.cell_count : region_in(in).voxels();
-    return Quantiles(in.dtype, std::move(stored), cells);
+    return Quantiles(in.dtype, percents_.of_stored(in.values), cells);
 }
 
 Plan Statistics::plan(std::span<Header const> inputs) const {
@@ -428,15 +436,10 @@ void Statistics::scan_end() {
 }
 
 void Statistics::set_percentiles() {
-    for (std::size_t i = 0; i < percents_.values.size(); ++i) {
-        Percentile found{percents_.values[i], "nan"};
-        if (quantiles_->count() > 0) {
-            StoredValue const stored = quantiles_->percentile(i);
-            bool const whole = input_.values == ValueMap{} && stored.rest == 0 && stored.whole != 0;
-            found.digits = whole ? to_text(stored.whole) : to_text(input_.values.physical(stored.value()));
-        }
-        result_.percentiles.push_back(found);
-    }
+    for (std::size_t i = 0; i < percents_.values.size(); ++i)
+        result_.percentiles.push_back(quantiles_->count() > 0
+                                          ? percentile_of(percents_.values[i], quantiles_->percentile(i), input_.values)
+                                          : Percentile{percents_.values[i], "nan"});
 }
 
 StatisticsResult result_of(PartialStatistics const& all, DataType type, ValueMap const& map) {

@@ -164,6 +164,8 @@ struct PartialStatistics {
 /// Percents in [0,100], as "1,50,99".
 struct PercentList {
     std::vector<double> values;
+    /// The same of stored values, where these are percents of physical ones.
+    std::vector<double> of_stored(ValueMap const& map) const;
     friend bool operator==(PercentList const&, PercentList const&) = default;
 };
 template <> struct ValueText<PercentList> : OneWord {
@@ -176,6 +178,8 @@ struct Percentile {
     double percent = 0;
     std::string digits; ///< of the physical value; exact for integers, "nan" if there is no finite value
 };
+
+Percentile percentile_of(double percent, StoredValue const& stored, ValueMap const& map);
 
 /// Results in physical values (slope * stored + intercept). Exact texts where the stored values are integers and the
 /// value map is the identity.
@@ -230,6 +234,7 @@ public:
     StatisticsResult const& result() const { return result_; }
     PartialStatistics partial() const { return {total_, origin_, min_, max_, product_}; }
     bool percentiles() const { return !percents_.values.empty(); }
+    PercentList const& percents() const { return percents_; }
 
 private:
     /// Sums of the cells of one volume, in finest cells.

@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/spool.h"
 #include "libvkt/io/whole_text.h"
 
 #include <map>
@@ -41,7 +42,7 @@ Report named(std::string const& name) {
 
 Texts Stats::texts() const {
     return {"Count, extremes and where they are, sum, mean, variance, product of a volume.",
-            "One pass. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the "
+            "One pass, and some more for percentiles. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the "
             "same bit for "
             "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count "
             "as values. "
@@ -51,12 +52,14 @@ Texts Stats::texts() const {
             "weighted_mean and weighted_variance weight cells by their volume, weighted_sum is the integral over the "
             "world volume that the last line states. Cells that hold the volume's background are not counted."
             "\n\n"
-            "Accuracy: Counts, extremes and their places, and sums of integers of up to 32 bits, are exact; mean and "
+            "Accuracy: Counts, extremes and their places, percentiles, and sums of integers of up to 32 bits, are "
+            "exact; mean and "
             "variance of other types to about 1e-15 of the largest magnitude and its square (estimate).",
             {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
              {"Of a part, for a program",
               "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"},
              {"Median and tails", "vkt stats volume.nrrd --percentiles 1,50,99"},
+             {"The same of every slice", "vkt stats volume.nrrd --per z --percentiles 1,50,99 --csv"},
              {"Of each component of what is bright", "vkt threshold volume.nrrd --otsu | vkt label -o labels.nrrd && "
                                                      "vkt stats volume.nrrd --labels labels.nrrd"},
              {"Parts, joined",
@@ -76,8 +79,8 @@ void Stats::parameters(Parameters& p) {
 
 void Stats::check() const {
     if (!labels.empty() && axis) throw Error(ErrorKind::usage, "--labels and --per both name the rows: give one");
-    if (statistics_.percentiles() && (grouped() || mergeable))
-        throw Error(ErrorKind::usage, "--percentiles are of whole volumes and regions, and cannot be joined",
+    if (statistics_.percentiles() && mergeable)
+        throw Error(ErrorKind::usage, "--percentiles cannot be joined",
                     "vkt histogram --mergeable counts parts that add up");
     if (!merged.empty() && (grouped() || !files.empty() || !statistics_.roi.empty() || statistics_.percentiles()))
         throw Error(ErrorKind::usage, "--merge reads no volumes: --roi, --mask, --labels and --per were for the parts");
@@ -172,10 +175,21 @@ Report Stats::measured(Source& source, std::vector<std::unique_ptr<Source>> cons
     GroupedStatistics groups;
     groups.roi = statistics_.roi;
     groups.by = by();
-    if (!mask.empty()) groups.mask = beside.front().get();
-    if (!labels.empty()) groups.labels = beside.back().get();
-    reduce(source, groups, to.execution, to.info);
-    for (auto const& other : beside) other->finish();
+    groups.percents = statistics_.percents();
+    // Percentiles take several passes over what is read beside the volume, too.
+    constexpr std::size_t share = 4;
+    std::vector<std::unique_ptr<Source>> kept;
+    auto const readable = [&](Source& from) -> Source* {
+        bool const once = from.access() == Access::forward && !source.header().dry_run && !from.header().dry_run;
+        if (!statistics_.percentiles() || !once) return &from;
+        kept.push_back(spooled(from, share, to.execution, to.info));
+        return kept.back().get();
+    };
+    if (!mask.empty()) groups.mask = readable(*beside.front());
+    if (!labels.empty()) groups.labels = readable(*beside.back());
+    reduce(*readable(source), groups, to.execution, to.info);
+    for (auto const& other : beside)
+        if (other.get() == groups.mask || other.get() == groups.labels) other->finish();
     return report_of(name, groups.result(), to.form);
 }
 
@@ -183,7 +197,9 @@ Report Stats::report_of(std::string const& name, GroupedResult const& result, Re
     Report report = named(name);
     std::vector<Report> rows;
     for (auto const& [key, partial] : result.groups) {
-        StatisticsResult const of_row = result_of(partial, result.type, result.values);
+        StatisticsResult of_row = result_of(partial, result.type, result.values);
+        if (auto const found = result.percentiles.find(key); found != result.percentiles.end())
+            of_row.percentiles = found->second;
         if (result.by == GroupedBy::volume) {
             report_into(report, of_row);
             continue;

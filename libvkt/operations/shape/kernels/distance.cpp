@@ -17,7 +17,7 @@ namespace vkt {
 namespace VKT_BACKEND {
 namespace {
 
-constexpr std::int64_t lanes = 16;      ///< lines side by side
+constexpr std::int64_t lanes = distance_lanes;
 constexpr std::int64_t most_steps = 20; ///< of a search; farther sites are found by the envelope
 
 /// `lanes` numbers, in as many registers as they take.
@@ -132,7 +132,8 @@ public:
     std::size_t scratch() const {
         std::size_t const tile = static_cast<std::size_t>((n_ + 2 * steps_) * lanes);
         std::size_t const result = static_cast<std::size_t>(n_ * lanes);
-        return (2 * tile + 2 * result) * sizeof(V) + static_cast<std::size_t>(n_ + 1) * 16 + 64;
+        std::size_t const sides = pass_.both_sides ? 2 : 1;
+        return sides * (tile + result) * sizeof(V) + static_cast<std::size_t>(n_ + 1) * 16 + 64;
     }
 
     void run(Execution const& execution) const {
@@ -159,7 +160,7 @@ private:
     void tile(std::byte* data, std::int64_t width, std::byte* memory) const {
         std::int64_t const padded = (n_ + 2 * steps_) * lanes;
         Tile<V> const inside{reinterpret_cast<V*>(memory), n_, steps_};
-        Tile<V> const outside{inside.rows + padded, n_, steps_};
+        Tile<V> const outside{inside.rows + (pass_.both_sides ? padded : 0), n_, steps_}; // used if there is such
         V* const result = outside.rows + padded;
         load(data, width, inside, outside);
         compute(inside, result, memory);

@@ -19,6 +19,9 @@ struct DistancePass {
     double unit = 0;          ///< not 0: the last pass, whose results are roots times the unit, in float32
 };
 
+/// Lines that are worked on side by side, from the first on: what rounds may depend on which these are.
+inline constexpr std::int64_t distance_lanes = 16;
+
 /// No voxel of the other kind so far; sums of two of these fit into int32.
 inline constexpr std::int32_t no_site = 1 << 30;
 
