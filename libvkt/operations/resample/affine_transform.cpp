@@ -84,9 +84,9 @@ void AffineTransform::sampling_parameters(Parameters& p) {
              "auto (default): linear, averaging where voxels of the result are wider than those of the input; or "
              "nearest, linear, cubic, bspline3, bspline5, lanczos3");
     p.option(
-        "tolerance", tolerance_, "T",
-        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "
-        "values, after a look at the voxels");
+        "tolerance", tolerance_, "T|P%",
+        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, a physical "
+        "value, or P% of the value range, after a look at the voxels");
     p.option("boundary", boundary_, "RULE",
              "how the volume continues outside, instead of a background: mirror, clamp, wrap or border[:VALUE]");
     p.option("background", background_, "VALUE", "value where the result lies outside the moved volume (0)");
@@ -196,7 +196,8 @@ AffineTransform::Layout AffineTransform::layout_for(Header const& input) const {
 
 std::optional<InterpolationChoice> AffineTransform::choice_for(Header const& input, Layout const& layout) const {
     if (!tolerance_ || layout.placement.whole()) return std::nullopt;
-    return InterpolationChoice(input, layout.in_place ? layout.box : box_of(input.dims), layout.placement.between());
+    return InterpolationChoice(input, layout.in_place ? layout.box : box_of(input.dims), layout.placement.between(),
+                               *tolerance_);
 }
 
 Onto AffineTransform::onto_by(ResampleMethod method, Layout const& layout) const {
@@ -223,7 +224,7 @@ Plan AffineTransform::plan(std::span<Header const> inputs) const {
     onto.describe(plan);
     onto.pass(input, plan);
     if (layout.covered) describe_covering(plan);
-    if (choice) choice->announce(*tolerance_, plan);
+    if (choice) choice->announce(plan);
     if (layout.in_place) plan.shift.reset();
     return plan;
 }
@@ -239,9 +240,7 @@ void AffineTransform::begin(std::span<Header const> inputs, Plan const&) {
 
 void AffineTransform::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
 
-void AffineTransform::scan_end() {
-    onto_.emplace(onto_by(choice_->choose(*tolerance_, layout_.placement.coarser()), layout_));
-}
+void AffineTransform::scan_end() { onto_.emplace(onto_by(choice_->choose(layout_.placement.coarser()), layout_)); }
 
 void AffineTransform::after_scan(Plan& plan) const {
     if (!choice_) return;
@@ -328,7 +327,8 @@ std::vector<Remark> AffineTransform::remarks() const {
     Index3 const n = layout_.box.dims();
     std::int64_t const voxels = n.x * n.y * n.z;
     std::vector<Remark> result = store_remarks(losses_, voxels, layout_.values.in);
-    if (choice_) result.push_back(choice_->remark(*tolerance_));
+    if (choice_)
+        if (auto const remark = choice_->remark()) result.push_back(*remark);
     if (onto_ && onto_->outside() > 0)
         result.push_back(outside_remark(onto_->outside(), voxels, "the moved volume", layout_.other_background));
     return result;

@@ -96,7 +96,7 @@ private:
     void run_in_place(ConstView in, AnyView to, Execution const& execution);
 
     std::optional<SamplingMethod> method_;
-    std::optional<double> tolerance_;
+    std::optional<ValueTolerance> tolerance_;
     std::optional<BoundaryRule> boundary_;
     std::optional<double> background_;
     bool expand_ = false;

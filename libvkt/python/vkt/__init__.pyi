@@ -109,7 +109,7 @@ def affine(
     volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
     expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
@@ -283,7 +283,7 @@ def resample(
     spacing: SupportsFloat | Numbers | None = None, like: Volume | Value | None = None,
     cells: SupportsFloat | None = None,
     method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
-    tolerance: SupportsFloat | None = None, roi: Region | None = None, roi_world: Region | None = None,
+    tolerance: Value | None = None, roi: Region | None = None, roi_world: Region | None = None,
     background: SupportsFloat | None = None, mask: bool = False, boundary: str | None = None,
     dtype: DType | None = None, bytes_per_voxel: SupportsIndex | None = None, dist: Numbers | None = None,
     voxel_mapping: Numbers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
@@ -295,7 +295,7 @@ def rotate(
     about: SupportsFloat | Numbers | None = None, expand: bool = False, like: Volume | Value | None = None,
     roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
@@ -303,7 +303,7 @@ def scale(
     volume: Volume, *, factor: SupportsFloat | Numbers, about: SupportsFloat | Numbers | None = None,
     expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
