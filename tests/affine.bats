@@ -55,6 +55,71 @@ vkt("affine", "t.tfm", "ras.nrrd", "--method", "linear", "-o", "ras2.nrrd")
 vkt("diff", "lps.nrrd", "ras2.nrrd", "--tolerance", "1e-9")'
 }
 
+@test "every linear transform that ITK writes moves points as ITK does, of float and double, alone and composed" {
+    itk '
+# Volumes whose values are places: at p the result shows T(p), as linear interpolation has it exactly.
+shape = (41, 43, 45)
+grid = np.indices(shape).astype(float)[::-1] # x, y, z
+places = np.einsum("ij,jzyx->izyx", np.diag((1.2, 0.9, 1.1)), grid) + np.array((-30, 12, 7.)).reshape(3, 1, 1, 1)
+for axis in range(3):
+    part = itk.GetImageFromArray(places[axis]); part.SetSpacing((1.2, 0.9, 1.1)); part.SetOrigin((-30, 12, 7))
+    itk.WriteImage(part, f"place{axis}.nrrd")
+low, high = places.min((1, 2, 3)), places.max((1, 2, 3))
+def moved(name):
+    return np.array([affine(name, "--method", "linear", "--background", "1e6", name=f"place{axis}.nrrd") for axis in range(3)])
+def judge(transform, name, bound=1e-9):
+    got, compared = moved(name), 0
+    for at in random.integers(0, shape, (600, 3)):
+        want = np.array(transform.TransformPoint(tuple(places[:, at[0], at[1], at[2]].tolist())))
+        if ((want < low + 1e-6) | (want > high - 1e-6)).any():
+            continue
+        compared += 1
+        assert abs(got[:, at[0], at[1], at[2]] - want).max() < bound, (name, transform, got[:, at[0], at[1], at[2]], want)
+    assert compared > 60, (name, compared)
+centre, turn, move = (-3.5, 31.25, 29.), (0.11, -0.07, 0.2), (1.5, -2.25, 0.75)
+scale, skew3, skew6 = (1.1, 0.9, 1.05), (0.05, -0.1, 0.07), (0.05, -0.1, 0.07, 0.02, -0.03, 0.04)
+made = {
+    "AffineTransform": (1.1, .1, 0, -.2, .9, .05, .1, 0, 1.05) + move, "Euler3DTransform": turn + move, "VersorTransform": turn,
+    "VersorRigid3DTransform": turn + move, "Similarity3DTransform": turn + move + (1.1,), "ScaleTransform": scale,
+    "ScaleVersor3DTransform": turn + move + scale, "ScaleSkewVersor3DTransform": turn + move + scale + skew6,
+    "ComposeScaleSkewVersor3DTransform": turn + move + scale + skew3, "TranslationTransform": move}
+of = {}
+for name, parameters in made.items():
+    t = itk.TranslationTransform(3) if name == "TranslationTransform" else itk.AffineTransform(3) if name == "AffineTransform" else itk.ScaleTransform(3) if name == "ScaleTransform" else getattr(itk, name)()
+    if name != "TranslationTransform":
+        t.SetCenter(centre)
+    t.SetParameters(parameters)
+    itk.WriteTransform(t, name + ".tfm")
+    judge(t, name + ".tfm")
+    of[name] = t
+    text = open(name + ".tfm").read().replace("_double_", "_float_")
+    open("f.tfm", "w").write(text)
+    judge(t, "f.tfm")
+# Composites of them, and what SimpleITK only reads.
+for names in (("ScaleSkewVersor3DTransform", "Similarity3DTransform", "TranslationTransform"), ("ComposeScaleSkewVersor3DTransform", "ScaleVersor3DTransform", "AffineTransform")):
+    both = itk.CompositeTransform([of[n] for n in names])
+    itk.WriteTransform(both, "composite.tfm")
+    judge(both, "composite.tfm")
+def written(name, parameters, fixed):
+    words = lambda v: " ".join(map(repr, v))
+    open(name + ".tfm", "w").write(f"#Insight Transform File V1.0\n#Transform 0\nTransform: {name}_double_3_3\nParameters: {words(parameters)}\nFixedParameters: {words(fixed)}\n")
+    return name + ".tfm"
+quaternion = np.array((0.1, -0.2, 0.15, -0.9)); quaternion /= np.linalg.norm(quaternion)
+for name, parameters in (("MatrixOffsetTransformBase", made["AffineTransform"]), ("QuaternionRigidTransform", tuple(quaternion.tolist()) + move), ("ScaleLogarithmicTransform", (0.1, -0.05, 0.02))):
+    judge(itk.ReadTransform(written(name, parameters, centre)), name + ".tfm")
+# Centres among the parameters.
+judge(of["Euler3DTransform"], written("CenteredEuler3DTransform", turn + centre + move, (0., 0., 0.)))
+judge(of["AffineTransform"], written("CenteredAffineTransform", made["AffineTransform"][:9] + centre + move, (0., 0., 0.)))
+# What is not linear is refused by its name, however many numbers it has, also among others.
+spline = itk.BSplineTransform(3, 3); spline.SetTransformDomainMeshSize((4, 4, 4))
+itk.WriteTransform(spline, "spline.tfm")
+mixed = itk.CompositeTransform([of["Euler3DTransform"], spline]); itk.WriteTransform(mixed, "mixed.tfm")
+field = itk.DisplacementFieldTransform(itk.Image((6, 5, 4), itk.sitkVectorFloat64, 3)); itk.WriteTransform(field, "field.tfm")
+for name, kind in (("spline.tfm", "BSplineTransform"), ("mixed.tfm", "BSplineTransform"), ("field.tfm", "DisplacementFieldTransform")):
+    assert kind + " is not linear" in vkt("affine", name, "in.nrrd", "-o", "x.nrrd", code=3).stderr
+assert "length 1" in vkt("affine", written("QuaternionRigidTransform", (1., 0., 0., 1.) + move, centre), "in.nrrd", "-o", "x.nrrd", code=3).stderr'
+}
+
 @test "matrices of voxels are SciPy's, and the inverse moves what the other moves back" {
     itk '
 m = np.array(((1.05, .2, 0), (-.1, .95, .1), (0, -.2, 1.1))); t = np.array((1.5123, -2.017, .2571))
@@ -114,7 +179,7 @@ assert (itk.GetArrayFromImage(out) == v).all() and np.allclose(out.GetOrigin(), 
     fails_with 3 'too long' vkt affine large.txt in.vkt -o x.vkt
     itk_file() { printf '#Insight Transform File V1.0\n#Transform 0\nTransform: %s\nParameters: %s\nFixedParameters: %s\n' "$@" >t.tfm; }
     itk_file BSplineTransform_double_3_3 '1 2 3' '0 0 0'
-    fails_with 3 'BSplineTransform is not one of' vkt affine t.tfm in.vkt -o x.vkt
+    fails_with 3 'BSplineTransform is not linear' vkt affine t.tfm in.vkt -o x.vkt
     itk_file AffineTransform_double_2_2 '1 0 0 1 0 0' '0 0'
     fails_with 3 'three dimensions' vkt affine t.tfm in.vkt -o x.vkt
     itk_file AffineTransform_double_3_3 '1 0 0 1' '0 0 0'

@@ -369,3 +369,71 @@ np.array([-4, -1, 0, 1, 4, np.nan, np.inf, 2], 'f4').tofile('v_8x1x1_float32.raw
     vkt arith exp v_8x1x1_float32.raw -o e.vkt 2>said
     [ ! -s said ]
 }
+
+@test "with --roi all other voxels keep the first volume's values, as transform does; masks are 0 there, where takes its last" {
+    python_with numpy
+    /usr/bin/python3 - <<'PY'
+import numpy as np
+rng = np.random.default_rng(6)
+a = rng.integers(0, 200, (7, 9, 11)).astype('u1'); a.tofile('a_11x9x7_uint8.raw')
+b = rng.integers(-300, 300, a.shape).astype('i2'); b.tofile('b_11x9x7_int16.raw')
+c = rng.uniform(0, 9, a.shape).astype('f4'); c.tofile('c_11x9x7_float32.raw')
+np.round(np.clip(c, 2, 6)).astype('u1').tofile('d_11x9x7_uint8.raw')
+PY
+    check() { # DTYPE EXPRESSION OUTSIDE WORDS…
+        for how in '--slab 7 --threads 1' '--slab 1 --threads 3' '--slab 3'; do
+            # shellcheck disable=SC2086
+            vkt arith "${@:4}" --roi 2:9,1:8,1:6 $how | vkt write - --format raw >got.raw
+            /usr/bin/python3 - "$1" "$2" "$3" "${*:4}" <<'PY'
+import sys
+import numpy as np
+type_, inside, outside, words = sys.argv[1:]
+load = lambda n, t: np.fromfile(f'{n}_11x9x7_{t}.raw', t).reshape(7, 9, 11)
+a, b, c, d = load('a', 'uint8'), load('b', 'int16'), load('c', 'float32'), load('d', 'uint8')
+A, B, C = a.astype(float), b.astype(float), c.astype(float)
+def stored(v):
+    v = np.broadcast_to(v, a.shape)
+    if np.dtype(type_).kind == 'f':
+        return v.astype(type_)
+    i = np.iinfo(type_)
+    return np.clip(np.round(v), i.min, i.max).astype(type_)
+want = stored(eval(outside)).copy()
+region = np.s_[1:6, 1:8, 2:9]
+want[region] = stored(eval(inside))[region]
+got = np.fromfile('got.raw', type_).reshape(a.shape)
+assert np.array_equal(got, want), (words, (got != want).sum())
+PY
+        done
+    }
+    a=a_11x9x7_uint8.raw b=b_11x9x7_int16.raw c=c_11x9x7_float32.raw
+    check uint8 'A + 90' A add $a 90
+    check uint8 '100 - A' A sub 100 $a
+    check uint8 'A + B' A add $a $b
+    check int16 'B + A' B add $b $a
+    check uint8 'A * C' A mul $a $c
+    check float32 'C * A' C mul $c $a
+    check float64 'A / 7' A div $a 7 --dtype float64
+    check uint8 'np.sqrt(A)' A sqrt $a
+    check int16 '-B' B neg $b
+    check uint8 'np.clip(B, 0, 100)' B clamp $b 0 100 --dtype uint8
+    check uint8 'A > 100' 0 gt $a 100
+    check uint8 '(A != 0) & (B != 0)' 0 and $a $b
+    check float32 'C < 4' 0 lt $c 4 --dtype float32
+    vkt arith gt d_11x9x7_uint8.raw 4 -o e.vkt
+    check int16 'np.where(d > 4, A, B)' B where e.vkt $a $b
+    check uint8 'np.where(d > 4, A, 3)' 3 where e.vkt $a 3
+    # Value maps: the first one's.
+    vkt set $a --slope 0.5 --intercept 10 -o m.vkt
+    vkt arith mul m.vkt 2 --roi 2:9,1:8,1:6 -o got.vkt
+    vkt diff <(vkt crop got.vkt --roi :,0:1,:) <(vkt crop m.vkt --roi :,0:1,:)
+    vkt diff <(vkt crop got.vkt --roi 2:9,1:8,1:6) <(vkt crop m.vkt --roi 2:9,1:8,1:6 | vkt arith mul - 2)
+    fails_with 2 'leaves the volume' vkt arith add $a 1 --roi 3:40,:,: -o x.vkt
+}
+
+@test "regions of hierarchical volumes: cells whose centres lie within" {
+    vkt make amr --blocks 40 --levels 2 -o tree.vkt
+    vkt arith add tree.vkt 1000 --roi 2:9,:,: -o got.vkt
+    run -1 vkt diff got.vkt tree.vkt
+    vkt arith where <(vkt fill tree.vkt --value 1) tree.vkt 0 --roi 2:9,:,: | vkt diff - <(vkt delete tree.vkt --value 0 --roi 9:,:,: | vkt delete --value 0 --roi 0:2,:,:)
+    vkt diff got.vkt <(vkt transform 'v + 1000' tree.vkt --roi 2:9,:,:)
+}

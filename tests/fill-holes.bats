@@ -131,3 +131,21 @@ assert (np.fromfile("o.raw", np.uint8).reshape(a.shape) == a).all()
     grep -q '300 does not fit uint8' err
     vkt stats o.nrrd | grep -qx 'max  *255'
 }
+
+@test "with --roi holes are those of the region, and all other voxels stay" {
+    against_scipy '
+region = (slice(2, 9), slice(1, 11), slice(3, 60))
+for dtype in (np.uint8, np.float32, np.int64):
+    for connectivity in (6, 26):
+        a = (rng.random((11, 13, 71)) < (0.6 if connectivity == 6 else 0.9)).astype(dtype) * 7
+        filled = a.copy()
+        filled[region] = np.where(expected(a[region], connectivity), 7, 0)
+        for options in ("", "--slab 1 --threads 3", "--slab 4"):
+            got = fill(a, f"--connectivity {connectivity} --roi 3:60,1:11,2:9 {options}")
+            assert (got == filled).all(), (dtype, connectivity, options)
+        assert report["voxels"] == (filled != a).sum() > 0
+        assert (expected(a, connectivity) * 7 != filled).any()
+'
+    vkt make sphere --dims 12 12 12 -o s.vkt
+    fails_with 2 'leaves the volume' vkt fill-holes s.vkt --roi 3:40,:,: -o x.vkt
+}

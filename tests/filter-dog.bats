@@ -27,3 +27,7 @@ PY
     vkt make amr --blocks 20 --levels 2 | vkt filter dog | vkt info - >/dev/null
     fails_with 2 'ratio' vkt filter dog v_13x11x7_uint8.raw --ratio 0 -o o.vkt
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter dog --sigma 1
+}

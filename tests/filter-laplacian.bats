@@ -39,3 +39,7 @@ PY
     same_however_run dtype=uint8 vkt filter laplacian --boundary clamp
     vkt make amr --blocks 20 --levels 2 | vkt filter laplacian | vkt info - >/dev/null
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter laplacian
+}

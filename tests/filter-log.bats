@@ -61,3 +61,7 @@ assert abs(a - b).max() <= 1e-6 * abs(b).max()"
     fails_with 2 'more than 100' vkt filter log v_13x11x7_uint8.raw --sigma 101 -o o.vkt
     fails_with 2 'finite number >= 0' vkt filter log v_13x11x7_uint8.raw --sigma=-1 -o o.vkt
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter log --sigma 1
+}

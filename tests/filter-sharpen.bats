@@ -38,3 +38,7 @@ PY
     vkt make amr --blocks 20 --levels 2 | vkt filter sharpen | vkt info - >/dev/null
     fails_with 2 'amount' vkt filter sharpen v_13x11x7_uint8.raw --amount inf -o o.vkt
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter sharpen --sigma 1 --amount 0.5
+}

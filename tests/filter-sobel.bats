@@ -106,3 +106,7 @@ assert got.any() and not (got & ~maximum_filter(bad, 3)).any()"
     done
     vkt stats want.vkt | grep -x 'nan  *0'
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter sobel
+}

@@ -45,3 +45,34 @@ same_however_run() {
         vkt crop region.vkt --roi "$outside" | vkt diff - <(vkt crop run.vkt --roi "$outside" | vkt convert --dtype "$(cat type)")
     done
 }
+
+# same_at_the_top COMMAND…: what is in between does not overflow where results do not: volumes times 2^k give results times 2^k, to the bit, whatever the slabs, and no more and no other infinities than there ought to be.
+same_at_the_top() {
+    python_with numpy
+    /usr/bin/python3 - <<'PY'
+import numpy as np
+v = np.random.default_rng(8).uniform(-3.9, 3.9, (17, 18, 19))
+v[3:9, 3:9, 3:9] = 3.9
+v[12, 12, 12], v[12, 3, 15], v[4, 14, 15] = np.inf, -np.inf, np.nan
+v[9:] /= 64 # there nothing overflows
+for t, k in ('float32', 126), ('float64', 1022):
+    for name, by in ('small', 0), ('large', k):
+        np.ldexp(v, by).astype(t).tofile(f'{name}_19x18x17_{t}.raw')
+PY
+    local type slab
+    for type in float32 float64; do
+        "$@" small_19x18x17_$type.raw | vkt write - --format raw >small.raw
+        for slab in 1 5 17; do
+            vkt read large_19x18x17_$type.raw --slab $slab | "$@" - --slab $slab --threads 3 | vkt write - --format raw >large.raw
+            /usr/bin/python3 - $type "$*" <<'PY'
+import sys
+import numpy as np
+type_, command = sys.argv[1:]
+small, large = (np.fromfile(n + '.raw', type_) for n in ('small', 'large'))
+with np.errstate(over='ignore'):
+    want = np.ldexp(small, 126 if type_ == 'float32' else 1022)
+assert np.isfinite(want).sum() > 500 and np.array_equal(want, large, equal_nan=True), (command, type_, (want != large).sum())
+PY
+        done
+    done
+}

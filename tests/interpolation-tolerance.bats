@@ -88,8 +88,10 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
     vkt make noise --dims 24 20 18 --dtype float32 -o noise.vkt
     run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 1e-6 noise.vkt -o out.vkt
     # shellcheck disable=SC2154  # set by run
-    [[ $stderr == *": estimated error"*"beyond --tolerance 1e-06"* ]]
-    run ! vkt rotate --axis z --angle 10 --tolerance 1e-6 --strict noise.vkt -o strict.vkt
+    [[ $stderr == *"not as good as asked for: "*": estimated error"*"beyond --tolerance 1e-06"* ]]
+    run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 0.0001% noise.vkt -o out.vkt --force
+    [[ $stderr == *"not as good as asked for: "*"beyond --tolerance 1e-04%, 1e-06 in values"* ]]
+    run -3 vkt rotate --axis z --angle 10 --tolerance 1e-6 --strict noise.vkt -o strict.vkt
     [ ! -e strict.vkt ]
 }
 
@@ -104,6 +106,30 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
     [[ $stderr == *"nearest: estimated error 0"* ]]
 }
 
+@test "with % it is a share of the value range: of the same voxels elsewhere and larger the same method" {
+    vkt make marschner-lobb --dims 40 37 29 --dtype float32 -o in.vkt
+    vkt arith mul in.vkt 1024 | vkt arith add - 65536 --dtype float64 -o large.vkt
+    range=$(vkt stats in.vkt --json | /usr/bin/python3 -c 'import json, sys; s = json.load(sys.stdin); print(repr(s["max"] - s["min"]))')
+    methods=''
+    for percent in 60 10 3 1; do
+        vkt rotate --axis z --angle 10 --tolerance $percent% in.vkt -o share.vkt --force 2>share
+        method=$(grep -o '[a-z0-9]*: estimated' share)
+        vkt rotate --axis z --angle 10 --tolerance "$(/usr/bin/python3 -c "print($percent / 100 * $range)")" in.vkt -o value.vkt --force 2>value
+        vkt diff share.vkt value.vkt
+        for command in 'rotate --axis z --angle 10' 'scale --factor 1.1' 'resample --scale 1.3'; do
+            # shellcheck disable=SC2086
+            vkt $command --tolerance $percent% large.vkt -o out.vkt --force 2>large
+            grep -q "within $percent%, \|beyond --tolerance $percent%, " large
+        done
+        vkt rotate --axis z --angle 10 --tolerance $percent% large.vkt -o out.vkt --force 2>large
+        grep -q "$method" large
+        methods+=" $method"
+    done
+    [[ $methods == *nearest*linear* ]]
+    run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 1% --explain -n in.vkt -o out.vkt
+    [[ $stderr == *"lanczos3 within 1% of the value range"*"error about 0.01"*" of the value range"* && $stderr != *"estimated error"* ]]
+}
+
 @test "a tolerance stands alone, is a finite number above 0, and is for grids" {
     vkt make ramp --dims 8 8 8 -o in.vkt
     run ! vkt rotate --axis z --angle 10 --tolerance 1 --method cubic in.vkt -o out.vkt
@@ -112,6 +138,7 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
         run ! vkt resample --scale 2 --tolerance $bad in.vkt -o out.vkt
         [[ $output == *"finite number above 0"* ]]
     done
+    fails_with 2 'not below 100%' vkt rotate --axis z --angle 10 --tolerance 100% in.vkt -o out.vkt
     vkt make amr --blocks 8 --levels 2 -o tree.vkt
     run ! vkt resample --cells 1k --tolerance 1 tree.vkt -o out.vkt
     [[ $output == *"hierarchical"* ]]

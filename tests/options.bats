@@ -238,7 +238,7 @@ END
 
 @test "an option means one thing in every command" {
     # --size is how large what is made is: pictures in pixels, bricks in voxels. --tolerance is what an error may be: a
-    # share of the range, physical values, or levels of a display.
+    # share of the range with %, a physical value without, or levels of a display.
     vkt help --list >verbs
     while read -r verb; do
         # shellcheck disable=SC2086
@@ -252,6 +252,7 @@ size WxH
 tolerance LEVELS
 tolerance P%
 tolerance T
+tolerance T|P%
 unit UNIT
 END
     # What lacks its sign is told how it is written.

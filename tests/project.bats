@@ -317,3 +317,40 @@ for what in 'max', 'min', 'mean', 'sum', 'std', 'median':
     done
     run -2 vkt project max in.nrrd --roi 0:24,:,:
 }
+
+@test "std of float64 of any magnitude: no square overflows or vanishes, whatever the slabs, as numpy's long double has it" {
+    /usr/bin/python3 - <<'EOF'
+import numpy as np
+rng = np.random.default_rng(9)
+base = rng.normal(size=(19, 23, 29))
+powers = rng.integers(-1000, 1000, base.shape)
+rising = np.sort(powers, None).reshape(base.shape)
+mixed = np.ldexp(base, powers)
+mixed[rng.random(base.shape) < 0.1] = np.nan
+mixed[rng.random(base.shape) < 0.2] = 0
+for name, a in {"one": base, "top": np.ldexp(base, 1021), "high": np.ldexp(base, 997), "low": np.ldexp(base, -997), "mixed": mixed,
+                "rising": np.ldexp(base, rising), "falling": np.ldexp(base, rising[::-1, ::-1, ::-1]),
+                "same": np.full(base.shape, 1e-300)}.items():
+    a.tofile(name + "_29x23x19_float64.raw")
+EOF
+    for axis in x y z; do
+        for name in one top high low mixed rising falling same; do
+            project std $axis ${name}_29x23x19_float64.raw >$name.raw
+            for slab in 1 4; do
+                vkt read ${name}_29x23x19_float64.raw --slab $slab | project std $axis - --slab $slab --threads 3 | cmp - $name.raw
+            done
+        done
+        /usr/bin/python3 - $axis <<'EOF'
+import sys
+import numpy as np
+axis = "zyx".index(sys.argv[1])
+read = lambda name: np.fromfile(name + ".raw")
+for name in "one", "top", "high", "low", "mixed", "rising", "falling", "same":
+    a = np.fromfile(name + "_29x23x19_float64.raw").reshape(19, 23, 29).astype(np.longdouble)
+    want = np.nanstd(a, axis).ravel()
+    assert np.all(np.abs(read(name) - want) <= (want if name != "same" else 1e-300) * 2e-15), (name, axis)
+for name, k in ("top", 1021), ("high", 997), ("low", -997):
+    assert np.array_equal(read(name), np.ldexp(read("one"), k)), (name, axis)
+EOF
+    done
+}

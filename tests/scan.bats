@@ -186,3 +186,49 @@ assert (np.fromfile("part.raw", np.uint64).reshape(2, 200, 1095) == want[1:, 100
     fails_with 2 'hierarchical volume' vkt scan t.vkt -o o.vkt
     [ ! -e o.vkt ]
 }
+
+@test "with --roi the region is summed as if it were the volume; all else keeps its values, in the type of the sums" {
+    python_with numpy
+    /usr/bin/python3 - <<'EOF'
+import numpy as np
+rng = np.random.default_rng(4)
+for t in "uint8 int16 uint64 int64 float16 float32 float64".split():
+    v = rng.integers(0, 200, (9, 11, 13)) if t[0] != "f" else rng.normal(size=(9, 11, 13))
+    v.astype(t).tofile(f"r_13x11x9_{t}.raw")
+EOF
+    for type in uint8 int16 uint64 int64 float16 float32 float64; do
+        for exclusive in '' --exclusive; do
+            for how in '--slab 9 --threads 1' '--slab 1 --threads 3' '--slab 4'; do
+                # shellcheck disable=SC2086
+                vkt read r_13x11x9_$type.raw --slab 2 | vkt scan --roi 2:12,3:9,1:8 $exclusive $how | vkt write - --format raw >got.raw
+                /usr/bin/python3 - $type "$exclusive" <<'EOF'
+import sys
+import numpy as np
+type_, exclusive = sys.argv[1:]
+v = np.fromfile(f"r_13x11x9_{type_}.raw", type_).reshape(9, 11, 13)
+wide = {"u": "uint64", "i": "int64", "f": "float64"}[np.dtype(type_).kind]
+want = v.astype(wide)
+part = want[1:8, 3:9, 2:12]
+sums = part.cumsum(0).cumsum(1).cumsum(2)
+if exclusive:
+    sums = np.pad(sums[:-1, :-1, :-1], ((1, 0),) * 3)
+want[1:8, 3:9, 2:12] = sums
+got = np.fromfile("got.raw", wide).reshape(v.shape)
+assert np.allclose(got, want, rtol=0, atol=1e-11 if wide == "float64" else 0), type_
+outside = np.ones(v.shape, bool)
+outside[1:8, 3:9, 2:12] = False
+assert np.array_equal(got[outside], want[outside])
+EOF
+            done
+        done
+    done
+    # Physical values, where an intercept is summed; a slope is kept.
+    vkt read r_13x11x9_uint8.raw | vkt set --slope 0.5 --intercept 3 -o m.vkt
+    vkt scan m.vkt --roi 2:12,3:9,1:8 | vkt crop --roi :,:,0:1 | vkt diff - <(vkt crop m.vkt --roi :,:,0:1 | vkt transform 'v*1.0' --dtype float64 | vkt arith mul - 1 --dtype float64 | vkt filter kernel <(echo 1 1 1 1) --dtype float64)
+    fails_with 2 'leaves the volume' vkt scan r_13x11x9_uint8.raw --roi 3:40,:,: -o x.vkt
+    # What a voxel may be off is summed up over the region alone.
+    error_of() { vkt info --json | /usr/bin/python3 -c 'import json, sys; print("%.9g" % json.load(sys.stdin)["error"]["at_most"])'; }
+    vkt filter box r_13x11x9_uint8.raw --radius 1 -o rough.vkt
+    vkt crop rough.vkt --roi 2:12,3:9,1:8 | vkt scan | error_of >part
+    vkt scan rough.vkt --roi 2:12,3:9,1:8 | error_of | cmp - part
+}

@@ -180,7 +180,7 @@ class Pipeline:
         shape = self.exact.shape
         boundary = str(r.choice(list(MODES)))
         kinds = ["crop", "flip", "permute", "gaussian", "gaussian", "box", "median", "morphology", "convert", "arith",
-                 "arith", "two", "gradient", "laplacian", "kernel", "sharpen", "up", "down", "pad", "project", "range"]
+                 "arith", "two", "gradient", "laplacian", "kernel", "sharpen", "up", "down", "pad", "project", "range", "region"]
         kind = str(r.choice(kinds))
         wide = self.exact.size and np.abs(self.exact).max() > 1e9
         if kind == "crop":
@@ -247,6 +247,27 @@ class Pipeline:
                      "max": np.maximum, "absdiff": lambda a, b: np.abs(a - b)}[what]
                 # A float that is compared or added is one of the type.
                 self.add(f"arith {what} - {v!r}", lambda a: f(a, v))
+        elif kind == "region" and not self.mapped:  # the others keep their values, in the type of the result
+            what, f = [("add", np.add), ("sub", np.subtract), ("mul", np.multiply), ("min", np.minimum), ("abs", np.abs),
+                       ("sqrt", np.sqrt), ("clamp", None)][int(r.integers(7))]
+            v = float(r.choice([3, -5, 0.5, 40]))
+            words = f"- {v!r}"
+            if what == "clamp":
+                words, f = f"- 10 {300 + v!r}", lambda a, b: np.clip(a, 10, 300 + b)
+            elif what in ("abs", "sqrt"):
+                words, f = "-", lambda a, b, one=f: one(a)
+            if (what == "mul" and wide) or (what == "sqrt" and not self.exact.min() > 1):
+                return
+            dtype = str(r.choice(["", "", "float32", "int16"]))
+            low = [int(r.integers(0, n // 2 + 1)) for n in shape]
+            z, y, x = (slice(a, n) for a, n in zip(low, shape))
+
+            def within(a):
+                a = a.copy()
+                a[z, y, x] = f(a[z, y, x], v)
+                return a
+            self.add(f"arith {what} {words} --roi {x.start}:,{y.start}:,{z.start}:" + (f" --dtype {dtype}" if dtype else ""),
+                     within, dtype or None)
         elif kind == "two" and not self.mapped:
             what, f = [("add", np.add), ("sub", np.subtract), ("mul", np.multiply)][int(r.integers(3))]
             if what == "mul" and wide:

@@ -245,3 +245,22 @@ for options in ("--slab 1 --threads 2", "--slab 3 --threads 5", "--slab 7"):
     vkt watershed noise.nrrd --mask plain_8x7x6_uint8.raw -o basins.nrrd --force
     vkt history basins.nrrd | grep -q -- 'vkt watershed - --mask plain_8x7x6_uint8.raw'
 }
+
+@test "with --roi the region is flooded as if there were no other voxels, which become 0, from markers and masks as from minima" {
+    vkt make noise --dims 17 15 13 --dtype uint8 --seed 3 -o v.vkt
+    vkt arith gt v.vkt 250 | vkt label -o markers.vkt
+    vkt arith gt v.vkt 60 -o mask.vkt
+    region=3:14,2:12,4:11
+    for name in v markers mask; do vkt crop $name.vkt --roi $region -o $name.part.vkt; done
+    for options in '--depth 3' '--on gradient' '--on distance' '--markers markers.vkt --line' '--markers markers.vkt --mask mask.vkt --connectivity 26'; do
+        # shellcheck disable=SC2086
+        vkt watershed v.vkt --roi $region --report whole.json -o whole.vkt --force $options
+        # shellcheck disable=SC2086
+        vkt watershed v.part.vkt ${options//.vkt/.part.vkt} --report part.json -o part.vkt --force
+        vkt crop whole.vkt --roi $region | vkt diff - part.vkt
+        cmp <(grep -v region whole.json) <(grep -v region part.json)
+        vkt delete whole.vkt --roi $region --value 0 | vkt stats --json | grep -q '"max": 0,'
+    done
+    vkt read v.vkt --slab 2 | vkt watershed --roi $region --depth 3 --slab 5 | vkt diff - <(vkt watershed v.vkt --roi $region --depth 3)
+    fails_with 2 'leaves the volume' vkt watershed v.vkt --roi 3:40,:,: -o x.vkt
+}

@@ -41,9 +41,24 @@ double end_of(std::string_view word, double extent, double if_empty, std::string
 
 } // namespace
 
-Vec3 FineRegion::middle() const {
+bool FineRegion::partly() const {
+    for (int a = 0; a < 3; ++a)
+        if (lower[a] != std::floor(lower[a]) || upper[a] != std::floor(upper[a])) return true;
+    return false;
+}
+
+Box FineRegion::touched() const {
+    Box box;
+    for (int a = 0; a < 3; ++a) {
+        box.lower[a] = static_cast<std::int64_t>(std::floor(lower[a]));
+        box.upper[a] = static_cast<std::int64_t>(std::ceil(upper[a]));
+    }
+    return box;
+}
+
+Vec3 FineRegion::middle_from(Index3 first) const {
     Vec3 result;
-    for (int a = 0; a < 3; ++a) result[a] = 0.5 * (lower[a] + upper[a]) - 0.5 - static_cast<double>(voxels.lower[a]);
+    for (int a = 0; a < 3; ++a) result[a] = 0.5 * (lower[a] + upper[a]) - 0.5 - static_cast<double>(first[a]);
     return result;
 }
 

@@ -13,8 +13,12 @@ struct FineRegion {
     Vec3 lower, upper;
     Box voxels; ///< whose centres lie within, perhaps none; one on the upper end does not
 
-    /// In voxels of a lattice that begins with the first of `voxels`, whose centre is 0.
-    Vec3 middle() const;
+    /// Whether it covers a part of some voxels.
+    bool partly() const;
+    /// Voxels of which it covers at least a part.
+    Box touched() const;
+    /// In voxels of a lattice that begins with this one, whose centre is 0.
+    Vec3 middle_from(Index3 first) const;
 };
 
 /// As Roi::resolve(), but numbers may have a fraction. Throws Error{usage}.

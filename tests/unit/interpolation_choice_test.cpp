@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -100,18 +101,28 @@ TEST(InterpolationChoice, OffsetsCostNoDigitsAndWhatIsNotFiniteTakesNoPart) {
 
 TEST(InterpolationChoice, TheCheapestWithinTheToleranceIsChosen) {
     Index3 const dims{40, 6, 6};
-    InterpolationChoice choice(header_of(dims), box_of(dims), {true, false, false});
-    auto const voxels = wave(dims, 0, 9);
-    choice.scan(view_of(voxels, dims));
-    double const linear = choice.error(ResampleMethod::linear), cubic = choice.error(ResampleMethod::cubic);
-    EXPECT_EQ(choice.choose(10, false), ResampleMethod::nearest);
-    EXPECT_EQ(choice.choose(10, true), ResampleMethod::automatic); // nearest would leave voxels out
-    EXPECT_EQ(choice.choose(linear, false), ResampleMethod::automatic);
-    EXPECT_EQ(choice.choose(cubic, false), ResampleMethod::cubic);
-    bool const smooth = cubic < choice.error(ResampleMethod::lanczos3);
-    EXPECT_EQ(choice.choose(1e-12, false), smooth ? ResampleMethod::cubic : ResampleMethod::lanczos3);
-    EXPECT_TRUE(choice.remark(1e-12).lossy);
-    EXPECT_FALSE(choice.remark(10).lossy);
+    auto const voxels = wave(dims, 0, 9, 5);
+    auto const asked = [&](ValueTolerance const& tolerance) {
+        InterpolationChoice choice(header_of(dims), box_of(dims), {true, false, false}, tolerance);
+        choice.scan(view_of(voxels, dims));
+        return choice;
+    };
+    InterpolationChoice const any = asked({});
+    double const linear = any.error(ResampleMethod::linear), cubic = any.error(ResampleMethod::cubic);
+    EXPECT_EQ(asked({10}).choose(false), ResampleMethod::nearest);
+    EXPECT_EQ(asked({10}).choose(true), ResampleMethod::automatic); // nearest would leave voxels out
+    EXPECT_EQ(asked({linear}).choose(false), ResampleMethod::automatic);
+    EXPECT_EQ(asked({cubic}).choose(false), ResampleMethod::cubic);
+    bool const smooth = cubic < any.error(ResampleMethod::lanczos3);
+    InterpolationChoice least = asked({1e-12}), first = asked({10});
+    EXPECT_EQ(least.choose(false), smooth ? ResampleMethod::cubic : ResampleMethod::lanczos3);
+    EXPECT_TRUE(least.remark()->lossy);
+    first.choose(false);
+    EXPECT_FALSE(first.remark()->lossy);
+    // Shares of the range, which is not the largest magnitude.
+    auto const [low, high] = std::ranges::minmax(voxels);
+    EXPECT_EQ(asked({100 * linear / (high - low) * 1.0001, true}).choose(false), ResampleMethod::automatic);
+    EXPECT_EQ(asked({100 * linear / (high - low) * 0.9999, true}).choose(false), ResampleMethod::cubic);
 }
 
 } // namespace

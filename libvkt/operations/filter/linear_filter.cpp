@@ -24,6 +24,12 @@ double magnitude_of(AxisTaps const& taps) {
     }
     return sum + (taps.kind == AxisTaps::Kind::average ? 1 : 0);
 }
+/// What is in between, at most, if the voxels are of magnitude 1.
+double growth_of(std::vector<AxisTaps> const& all) {
+    double most = 4; // differences of differences
+    for (AxisTaps const& taps : all) most = std::max(most, 2 * magnitude_of(taps));
+    return most;
+}
 double total_of(AxisTaps const& taps) {
     if (taps.kind == AxisTaps::Kind::average) return 1;
     double sum = 0;
@@ -108,6 +114,14 @@ std::size_t SeparableSum::bytes() const {
     auto const rows = static_cast<std::int64_t>(planes.size()) * (2 * r.z + 1) * n.y +
                       static_cast<std::int64_t>(x.size()) * (n.y + 2 * r.y) + parts + 1;
     return static_cast<std::size_t>(rows * (n.x + 2 * r.x + 128) * (wide ? 8 : 4));
+}
+
+double SeparableSum::headroom() const {
+    double weights = 1;
+    for (auto const& term : terms) weights += std::abs(term.weight);
+    double const growth = growth_of(x) * growth_of(y) * growth_of(z) * weights;
+    // Beyond that, results would be too large as well.
+    return std::exp2(-std::ceil(std::min(std::log2(growth), wide ? 900.0 : 100.0)));
 }
 
 void LinearFilter::parameters(Parameters& parameters) {

@@ -79,14 +79,14 @@ void AffineTransform::sampling_parameters(Parameters& p) {
     p.flag("expand", expand_, "make the grid as large as the moved volume needs, with the same voxels");
     p.option("like", like_.file, "FILE", "the grid of this volume, instead of the input's own");
     p.option("roi", region_, "REGION",
-             "move the content of this region only, within it; its ends may lie between voxels");
+             "move the content of this region only, within it; of voxels that it covers partly their share");
     p.option("method", method_, "METHOD",
              "auto (default): linear, averaging where voxels of the result are wider than those of the input; or "
              "nearest, linear, cubic, bspline3, bspline5, lanczos3");
     p.option(
-        "tolerance", tolerance_, "T",
-        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "
-        "values, after a look at the voxels");
+        "tolerance", tolerance_, "T|P%",
+        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, a physical "
+        "value, or P% of the value range, after a look at the voxels");
     p.option("boundary", boundary_, "RULE",
              "how the volume continues outside, instead of a background: mirror, clamp, wrap or border[:VALUE]");
     p.option("background", background_, "VALUE", "value where the result lies outside the moved volume (0)");
@@ -154,16 +154,29 @@ AffineTransform::Layout AffineTransform::layout_for(Header const& input) const {
         layout.region_dims = input.dims;
     } else {
         FineRegion const region = resolve_fine(region_, input.dims);
-        if (region.voxels.empty())
+        bool const nearest = method_ && static_cast<ResampleMethod>(*method_) == ResampleMethod::nearest;
+        if (region.partly() && !nearest) {
+            layout.box = region.touched();
+            layout.covered.emplace();
+            layout.covered->continues = boundary_.has_value();
+            for (int a = 0; a < 3; ++a) {
+                auto const first = static_cast<double>(layout.box.lower[a]);
+                layout.covered->lower[a] = region.lower[a] - first;
+                layout.covered->upper[a] = region.upper[a] - first;
+            }
+        } else if (region.voxels.empty()) {
             throw Error(ErrorKind::usage, text("--roi ", region_.text, " holds no voxel's centre"),
                         "centres lie at 0.5, 1.5, …: ends are counted from the outer face of the first voxel");
-        layout.box = region.voxels;
+        } else {
+            layout.box = region.voxels;
+        }
         layout.in_place = true;
         layout.region_dims = layout.box.dims();
-        Moved part{input, layout.box.lower, region.middle()};
+        Moved part{input, layout.box.lower, region.middle_from(layout.box.lower)};
         part.header.dims = layout.region_dims;
         part.header.geometry = cropped(input.geometry, layout.box.lower);
         layout.placement = place(source_map(part), layout.region_dims);
+        if (layout.covered) layout.covered->map = layout.placement.map;
     }
     check_wanted(layout.output);
     layout.values.in = layout.values.out = input.dtype;
@@ -173,17 +186,32 @@ AffineTransform::Layout AffineTransform::layout_for(Header const& input) const {
     else
         background = background_in(layout.output, background_, input);
     layout.values.background = background.stored;
+    if (layout.covered) {
+        layout.values.out = DataType::float64; // rounded once, with what it is put upon
+        layout.covered->background = background.stored;
+    }
     if (background.other) layout.other_background = layout.output.values.physical(background.stored);
     return layout;
 }
 
 std::optional<InterpolationChoice> AffineTransform::choice_for(Header const& input, Layout const& layout) const {
     if (!tolerance_ || layout.placement.whole()) return std::nullopt;
-    return InterpolationChoice(input, layout.in_place ? layout.box : box_of(input.dims), layout.placement.between());
+    return InterpolationChoice(input, layout.in_place ? layout.box : box_of(input.dims), layout.placement.between(),
+                               *tolerance_);
 }
 
 Onto AffineTransform::onto_by(ResampleMethod method, Layout const& layout) const {
-    return Onto(layout.placement, layout.region_dims, layout.box.dims(), method, boundary_, layout.values);
+    auto boundary = boundary_;
+    if (layout.covered && !boundary) boundary = BoundaryRule{Boundary::clamp, 0}; // where it ends is decided later
+    return Onto(layout.placement, layout.region_dims, layout.box.dims(), method, boundary, layout.values);
+}
+
+void AffineTransform::describe_covering(Plan& plan) const {
+    plan.method += ", parts of voxels by their share";
+    plan.error.kind = std::max(plan.error.kind, ErrorBound::Kind::bound);
+    plan.error.magnitude += 8 * 0x1p-53 + storing_error(plan.output.dtype);
+    plan.error.absolute += std::abs(plan.output.values.slope) * storing_floor(plan.output.dtype);
+    plan.passing.storing = ErrorPassing::Storing::computes;
 }
 
 Plan AffineTransform::plan(std::span<Header const> inputs) const {
@@ -195,7 +223,8 @@ Plan AffineTransform::plan(std::span<Header const> inputs) const {
     plan.output = layout.output;
     onto.describe(plan);
     onto.pass(input, plan);
-    if (choice) choice->announce(*tolerance_, plan);
+    if (layout.covered) describe_covering(plan);
+    if (choice) choice->announce(plan);
     if (layout.in_place) plan.shift.reset();
     return plan;
 }
@@ -211,9 +240,7 @@ void AffineTransform::begin(std::span<Header const> inputs, Plan const&) {
 
 void AffineTransform::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
 
-void AffineTransform::scan_end() {
-    onto_.emplace(onto_by(choice_->choose(*tolerance_, layout_.placement.coarser()), layout_));
-}
+void AffineTransform::scan_end() { onto_.emplace(onto_by(choice_->choose(layout_.placement.coarser()), layout_)); }
 
 void AffineTransform::after_scan(Plan& plan) const {
     if (!choice_) return;
@@ -222,6 +249,7 @@ void AffineTransform::after_scan(Plan& plan) const {
     onto_->describe(chosen);
     Header input = plan.output; // of the same type and map of values
     onto_->pass(input, chosen);
+    if (layout_.covered) describe_covering(chosen);
     choice_->settle(chosen, plan);
 }
 
@@ -242,7 +270,10 @@ Box AffineTransform::footprint(Box const& output, int) const {
     return source;
 }
 
-std::size_t AffineTransform::fit(Index3 largest, Execution const&) { return onto_->held(largest); }
+std::size_t AffineTransform::fit(Index3 largest, Execution const&) {
+    auto const voxels = static_cast<std::size_t>(largest.x * largest.y * largest.z);
+    return onto_->held(largest) + (layout_.covered ? 9 * voxels : 0);
+}
 
 void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (out.box.empty()) return;
@@ -252,6 +283,21 @@ void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execut
     Box const part = intersect(out.box, layout_.box);
     if (part.empty()) return;
     AnyView const to = out.part(part).moved_to(part.lower - layout_.box.lower);
+    if (!layout_.covered) return run_in_place(in, to, execution);
+    auto const voxels = static_cast<std::size_t>(part.voxels());
+    moved_.reserve(voxels * sizeof(double));
+    beyond_.reserve(voxels);
+    AnyView const moved = dense_view(moved_.write(execution.space()), DataType::float64, to.box, execution.space());
+    AnyView const beyond = dense_view(beyond_.write(execution.space()), DataType::uint8, to.box, execution.space());
+    run_in_place(in, moved, execution);
+    Losses found;
+    cover_region(moved, in.part(part).moved_to(to.box.lower), to, *layout_.covered, beyond, found, execution);
+    *onto_->outside_counter() += found.undefined;
+    losses_ += {found.clipped, found.nan, 0};
+}
+
+/// What moves into a part of the region, in voxels of it.
+void AffineTransform::run_in_place(ConstView in, AnyView to, Execution const& execution) {
     Box const needed = onto_->footprint(to.box), whole = box_of(layout_.region_dims);
     if (needed.empty()) return onto_->run(in, to, losses_, execution);
     if (intersect(needed, whole) == needed) {
@@ -281,7 +327,8 @@ std::vector<Remark> AffineTransform::remarks() const {
     Index3 const n = layout_.box.dims();
     std::int64_t const voxels = n.x * n.y * n.z;
     std::vector<Remark> result = store_remarks(losses_, voxels, layout_.values.in);
-    if (choice_) result.push_back(choice_->remark(*tolerance_));
+    if (choice_)
+        if (auto const remark = choice_->remark()) result.push_back(*remark);
     if (onto_ && onto_->outside() > 0)
         result.push_back(outside_remark(onto_->outside(), voxels, "the moved volume", layout_.other_background));
     return result;

@@ -9,6 +9,7 @@
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/common/reference_volume.h"
 #include "libvkt/operations/resample/interpolation_choice.h"
+#include "libvkt/operations/resample/kernels/covered_region.h"
 #include "libvkt/operations/resample/resample_method.h"
 #include "libvkt/operations/resample/resample_onto.h"
 
@@ -29,7 +30,9 @@ template <> struct EnumNames<SamplingMethod> {
 };
 
 /// Resamples a volume whose content is moved: onto its own grid, one that holds all of it, or another volume's; or
-/// inside a region, which is then treated as a volume of its own. The type stays, rounded half to even and saturated.
+/// inside a region, which is then treated as a volume of its own. Voxels that the region covers partly become a mean of
+/// what moves there and what they were, by the share that is covered, but for nearest, whose region has the voxels with
+/// centres in it. The type stays, rounded half to even and saturated.
 /// Maps under which all voxels fall on voxels move bytes.
 class AffineTransform : public Operation, public Tunable, public Prepared {
 public:
@@ -73,6 +76,8 @@ private:
         Box box; ///< the region in voxels of the output; all of it without one
         Index3 region_dims;
         bool in_place = false; ///< only the region moves
+        /// … whose ends lie between voxels, some of which it covers partly
+        std::optional<CoveredRegion> covered;
         Placement placement;
         OntoValues values;
         std::optional<double> other_background; ///< physical, if it is another than was meant
@@ -86,9 +91,12 @@ private:
                        : static_cast<ResampleMethod>(method_.value_or(SamplingMethod{}));
     }
     Onto onto_by(ResampleMethod method, Layout const& layout) const;
+    /// What a covered region adds to the error of a plan.
+    void describe_covering(Plan& plan) const;
+    void run_in_place(ConstView in, AnyView to, Execution const& execution);
 
     std::optional<SamplingMethod> method_;
-    std::optional<double> tolerance_;
+    std::optional<ValueTolerance> tolerance_;
     std::optional<BoundaryRule> boundary_;
     std::optional<double> background_;
     bool expand_ = false;
@@ -100,7 +108,7 @@ private:
     std::optional<InterpolationChoice> choice_; ///< with a tolerance
     Operation* preparation_ = nullptr;
     Losses losses_;
-    Buffer window_;
+    Buffer window_, moved_, beyond_;
 };
 
 } // namespace vkt

@@ -13,15 +13,20 @@
 
 namespace vkt {
 
-void check_interpolation_tolerance(double tolerance, bool method_given) {
+void check_interpolation_tolerance(ValueTolerance const& tolerance, bool method_given) {
     if (method_given) throw Error(ErrorKind::usage, "--tolerance chooses the method: --method does not apply");
-    if (!(tolerance > 0 && std::isfinite(tolerance)))
-        throw Error(ErrorKind::usage, text("--tolerance ", tolerance, " is not a finite number above 0"),
-                    "it is in units of values; --method nearest keeps voxels as they are");
+    auto const refuse = [&](char const* what) {
+        throw Error(ErrorKind::usage, text("--tolerance ", tolerance.number, tolerance.percent ? "% " : " ", what),
+                    "it is in units of values, or with % a share of their range; --method nearest keeps voxels as they "
+                    "are");
+    };
+    if (!(tolerance.number > 0 && std::isfinite(tolerance.number))) refuse("is not a finite number above 0");
+    if (tolerance.percent && !(tolerance.number < 100)) refuse("is not below 100%");
 }
 
-InterpolationChoice::InterpolationChoice(Header const& volume, Box const& box, std::array<bool, 3> axes)
-    : box_(box), axes_(axes), slope_(std::abs(volume.values.slope)) {
+InterpolationChoice::InterpolationChoice(Header const& volume, Box const& box, std::array<bool, 3> axes,
+                                         ValueTolerance const& tolerance)
+    : box_(box), axes_(axes), tolerance_(tolerance), type_(volume.dtype), slope_(std::abs(volume.values.slope)) {
     std::int64_t const voxels = box.voxels();
     every_ = voxels > 1 << 24 ? 8 : voxels > 1 << 21 ? 4 : 1;
     // Of the two in the middle the nearest voxel is one or the other.
@@ -82,10 +87,15 @@ void InterpolationChoice::scan(ConstView slab) {
     for (std::int64_t z = part.lower.z; z < part.upper.z; ++z)
         for (std::int64_t y = part.lower.y; y < part.upper.y; ++y) {
             bool const across = axes_[1] && (z - box_.lower.z) % every_ == 0;
-            if (!across && (y - box_.lower.y) % every_ != 0) continue;
+            bool const interpolated = across || (y - box_.lower.y) % every_ == 0;
+            if (!interpolated && !tolerance_.percent) continue;
             read_row(view, y, z, row.data());
-            for (double const v : row)
-                if (std::abs(v) > largest_ && std::abs(v) <= std::numeric_limits<double>::max()) largest_ = std::abs(v);
+            for (double const v : row) {
+                if (!(std::abs(v) <= std::numeric_limits<double>::max())) continue;
+                if (std::abs(v) > largest_) largest_ = std::abs(v);
+                if (tolerance_.percent) seen_ = seen_ ? seen_->with(v) : ValueInterval{v, v};
+            }
+            if (!interpolated) continue;
             take_row(row.data(), y - box_.lower.y, z - box_.lower.z);
         }
 }
@@ -143,7 +153,10 @@ double InterpolationChoice::error(ResampleMethod candidate) const {
     return sum * slope_;
 }
 
-ResampleMethod InterpolationChoice::choose(double tolerance, bool wider) {
+double InterpolationChoice::allowed() const { return tolerance_.within(seen_ ? slope_ * seen_->width() : 0); }
+
+ResampleMethod InterpolationChoice::choose(bool wider) {
+    double const tolerance = allowed();
     std::optional<ResampleMethod> best; // if none keeps to it
     for (ResampleMethod const candidate : candidates) {
         if (wider && candidate == ResampleMethod::nearest) continue;
@@ -151,17 +164,22 @@ ResampleMethod InterpolationChoice::choose(double tolerance, bool wider) {
         if (error(candidate) <= tolerance) break;
     }
     chosen_ = *best;
+    looked_ = true;
     return chosen_ == ResampleMethod::linear ? ResampleMethod::automatic : chosen_;
 }
 
-void InterpolationChoice::announce(double tolerance, Plan& plan) const {
+void InterpolationChoice::announce(Plan& plan) const {
     plan.scans = true;
     plan.state_bytes += state_bytes();
-    plan.method = text("the cheapest of nearest, linear, cubic and lanczos3 within ", tolerance,
-                       ", chosen after a look at the voxels");
+    plan.method = text("the cheapest of nearest, linear, cubic and lanczos3 within ", tolerance_.number,
+                       tolerance_.percent ? "% of the value range" : "", ", chosen after a look at the voxels");
     plan.error.kind = Certainty::estimate;
-    plan.error.absolute += tolerance;
-    if (plan.error.in_values) *plan.error.in_values += tolerance;
+    double const most = slope_ * (highest_of(type_) - lowest_of(type_)); // of the range of integers
+    if (tolerance_.percent)
+        plan.error.range += tolerance_.within(1);
+    else
+        plan.error.absolute += tolerance_.number;
+    if (plan.error.in_values) *plan.error.in_values += tolerance_.within(most);
 }
 
 void InterpolationChoice::settle(Plan const& chosen, Plan& plan) const {
@@ -177,11 +195,16 @@ void InterpolationChoice::settle(Plan const& chosen, Plan& plan) const {
     if (plan.passing.storing == ErrorPassing::Storing::moves) plan.passing.own = own;
 }
 
-Remark InterpolationChoice::remark(double tolerance) const {
+std::optional<Remark> InterpolationChoice::remark() const {
+    if (!looked_) return std::nullopt;
     double const own = error(chosen_);
+    std::string const asked = text(tolerance_.number, tolerance_.percent ? "%" : ""),
+                      meant = tolerance_.percent ? text(", ", two_digits(allowed()), " in values") : std::string();
     std::string const estimate = text(enum_name(chosen_), ": estimated error ", two_digits(own));
-    if (own <= tolerance) return {text(estimate, ", within ", tolerance), false};
-    return {text(estimate, ", the least there is: beyond --tolerance ", tolerance), true};
+    if (own <= allowed()) return Remark{text(estimate, ", within ", asked, meant), false};
+    return Remark{
+        text("not as good as asked for: ", estimate, ", the least there is, is beyond --tolerance ", asked, meant),
+        true};
 }
 
 } // namespace vkt

@@ -63,9 +63,9 @@ void Resample::parameters(Parameters& p) {
              "cubic, bspline3, bspline5, lanczos3; hierarchical volumes: basis (default), nearest, average, or auto: "
              "average where a voxel covers several cells or there are holes");
     p.option(
-        "tolerance", tolerance, "T",
-        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "
-        "values, after a look at the voxels; axes that shrink are averaged, the type stays");
+        "tolerance", tolerance, "T|P%",
+        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, a physical "
+        "value, or P% of the value range, after a look at the voxels; axes that shrink are averaged, the type stays");
     p.option("roi", roi, "REGION",
              "only this region; its ends may lie between voxels; of hierarchical volumes in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
@@ -206,7 +206,7 @@ Plan Resample::plan(std::span<Header const> inputs) const {
     if (input.kind == Kind::hierarchical) return plan_tree(input);
     Beginning const first = beginning(input);
     Plan plan = plan_of(input, first.layout);
-    if (first.choice) first.choice->announce(*tolerance, plan);
+    if (first.choice) first.choice->announce(plan);
     return plan;
 }
 
@@ -246,14 +246,14 @@ Resample::Beginning Resample::beginning(Header const& input) const {
     if (std::ranges::none_of(axes, [](bool between) { return between; })) // averages and copies alone
         layout = layout_for(input, ResampleMethod::automatic);
     else
-        first.choice.emplace(input, box_of(input.dims), axes);
+        first.choice.emplace(input, box_of(input.dims), axes, *tolerance);
     return first;
 }
 
 void Resample::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
 
 void Resample::scan_end() {
-    layout_ = layout_for(input_, choice_->choose(*tolerance, coarser_));
+    layout_ = layout_for(input_, choice_->choose(coarser_));
     plan_of_chosen_ = plan_of(input_, layout_);
 }
 
@@ -552,7 +552,8 @@ std::vector<Remark> Resample::remarks() const {
     if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
     std::int64_t const voxels = layout_.to.x * layout_.to.y * layout_.to.z;
     std::vector<Remark> result = store_remarks(counts_, voxels, layout_.output.dtype);
-    if (choice_) result.push_back(choice_->remark(*tolerance));
+    if (choice_)
+        if (auto const remark = choice_->remark()) result.push_back(*remark);
     if (layout_.onto && layout_.onto->outside() > 0)
         result.push_back({text(share_text(layout_.onto->outside(), voxels), " outside the input: background"), false});
     return result;

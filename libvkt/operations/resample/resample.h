@@ -34,14 +34,14 @@ class Resample : public Operation, public Tunable, public Prepared {
 public:
     std::optional<Vec3> scale;
     std::optional<WantedDims> dims;
-    std::optional<Vec3> spacing;          ///< world units of the result's voxels
-    std::optional<CellCount> cells;       ///< about this many voxels, cubes as nearly as possible
-    std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones
-    std::optional<double> tolerance;      ///< of the interpolation, in units of values: chooses the method
-    Roi roi;                              ///< hierarchical volumes: the region in finest cells
-    WorldRoi world_roi;                   ///< the same in world units
-    std::optional<double> background;     ///< physical value where there is no cell, or no voxel under another's grid
-    bool mask = false;                    ///< hierarchical volumes: 1 where there are cells, 0 in holes, as uint8
+    std::optional<Vec3> spacing;             ///< world units of the result's voxels
+    std::optional<CellCount> cells;          ///< about this many voxels, cubes as nearly as possible
+    std::optional<ResampleMethod> method;    ///< automatic for structured volumes, basis for hierarchical ones
+    std::optional<ValueTolerance> tolerance; ///< of the interpolation: chooses the method
+    Roi roi;                                 ///< hierarchical volumes: the region in finest cells
+    WorldRoi world_roi;                      ///< the same in world units
+    std::optional<double> background; ///< physical value where there is no cell, or no voxel under another's grid
+    bool mask = false;                ///< hierarchical volumes: 1 where there are cells, 0 in holes, as uint8
     std::optional<BoundaryRule> boundary;
     std::optional<DataType> dtype;
     std::optional<int> bytes_per_voxel;

@@ -31,6 +31,8 @@ void FillHoles::parameters(Parameters& parameters) {
     parameters.option("value", value, "VALUE",
                       "physical value to fill with; by default that of what encloses the hole");
     parameters.option("max-size", max_size, "VOXELS", "fill only holes of at most so many voxels");
+    parameters.option("roi", roi, "REGION",
+                      "look only at this region, as if it were the volume; keep the other voxels");
 }
 
 void FillHoles::check() const {
@@ -49,7 +51,7 @@ Plan FillHoles::plan(std::span<Header const> inputs) const {
     plan.method = text("runs and union-find, holes ", connectivity, "-connected");
     plan.cost = 60;
     if (in.kind == Kind::hierarchical) return plan; // refused by the engine
-    plan.state_bytes = Components::table_bytes(in.dims);
+    plan.state_bytes = Components::table_bytes(roi.resolve(in.dims).dims());
     return plan;
 }
 
@@ -68,7 +70,8 @@ void FillHoles::begin(std::span<Header const> inputs, Plan const&) {
     rules.members = BitRule::hole;
     rules.zero = zero_ = stored_zero(input_);
     rules.keeps_value_before = true;
-    components_.begin(input_.dims, rules);
+    region_ = roi.resolve(input_.dims);
+    components_.begin(region_.dims(), rules);
     if (value) {
         Number const number = input_.values == ValueMap{} ? *value : Number(input_.values.stored(value->value));
         stored_ = voxel_bytes(input_.dtype, number);
@@ -80,13 +83,20 @@ Box FillHoles::footprint(Box const& output, int) const {
     return {{0, output.lower.y, output.lower.z}, {input_.dims.x, output.upper.y, output.upper.z}};
 }
 
-void FillHoles::scan(ConstView slab, Execution const& execution) {
+ConstView FillHoles::in_region(ConstView rows) const {
+    Box const inside = intersect(rows.box, region_);
+    return inside.empty() ? ConstView{} : rows.part(inside).moved_to(inside.lower - region_.lower);
+}
+
+void FillHoles::scan(ConstView whole_rows, Execution const& execution) {
+    ConstView const slab = in_region(whole_rows);
+    if (slab.box.empty()) return;
     scanned_on_ = execution;
     if (execution.device != Device::gpu) return components_.add(slab, execution);
     if (passes_ > 0) return component_values(*device_, slab, execution);
     if (!device_) {
         device_ = std::make_unique<DeviceComponents>();
-        device_->dims = input_.dims;
+        device_->dims = region_.dims();
         device_->connectivity = connectivity;
         device_->holes = true;
     }
@@ -94,7 +104,7 @@ void FillHoles::scan(ConstView slab, Execution const& execution) {
 }
 
 bool FillHoles::fills(ComponentFacts const& hole) const {
-    Index3 const n = input_.dims;
+    Index3 const n = region_.dims();
     bool const open = (n.x > 1 && (hole.lower_x == 0 || hole.upper_x == n.x)) ||
                       (n.y > 1 && (hole.lower_y == 0 || hole.upper_y == n.y)) ||
                       (n.z > 1 && (hole.lower_z == 0 || hole.upper_z == n.z));
@@ -137,9 +147,11 @@ void FillHoles::scan_end() {
     components_.rename(names, scanned_on_.threads);
 }
 
-void FillHoles::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    copy_region(inputs[0].part(out.box), out, execution);
-    if (holes_ == 0) return;
+void FillHoles::run(std::span<ConstView const> inputs, AnyView whole, Execution const& execution) {
+    copy_region(inputs[0].part(whole.box), whole, execution);
+    Box const inside = intersect(whole.box, region_);
+    if (holes_ == 0 || inside.empty()) return;
+    AnyView const out = whole.part(inside).moved_to(inside.lower - region_.lower);
     if (device_) {
         if (out.space == Space::device) return component_paint(*device_, out, execution);
         // They were looked for where the voxels lay.
@@ -154,7 +166,7 @@ void FillHoles::run(std::span<ConstView const> inputs, AnyView out, Execution co
         auto const first = static_cast<std::int32_t>(out.box.lower.x),
                    last = static_cast<std::int32_t>(out.box.upper.x);
         components_.for_each_row(
-            inputs[0], execution,
+            in_region(inputs[0]), execution,
             [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
                 U* const row = &to(first, y, z);
                 for (std::size_t i = 0; i < edges.size(); i += 2) {

@@ -22,6 +22,7 @@ public:
     int connectivity = 6; ///< of the holes
     std::optional<Number> value;
     std::optional<std::int64_t> max_size; ///< voxels
+    Roi roi;                              ///< as if it were the volume; all else is copied
 
     std::string_view name() const override { return "fill-holes"; }
     Texts texts() const override;
@@ -44,10 +45,13 @@ public:
     Report report() const override;
 
 private:
+    /// The part of whole rows that lies in the region, in voxels of the region.
+    ConstView in_region(ConstView rows) const;
     bool fills(ComponentFacts const& hole) const;
     void number_on_device();
 
     Header input_;
+    Box region_;
     std::optional<double> zero_;
     Components components_;
     std::unique_ptr<DeviceComponents> device_; ///< instead, if they are looked for on a GPU

@@ -8,6 +8,7 @@
 #include "libvkt/operations/common/same_grid.h"
 #include "libvkt/operations/shape/connectivity.h"
 #include "libvkt/operations/shape/distance.h"
+#include "libvkt/operations/voxels/kernels/fill.h"
 #include "libvkt/operations/voxels/zero.h"
 
 #include <algorithm>
@@ -87,6 +88,7 @@ void Watershed::parameters(Parameters& parameters) {
         "flood the values, the length of their gradient, or minus the distance of objects to zero voxels");
     connectivity_option(parameters, connectivity);
     parameters.option("mask", mask, "FILE", "flood only where this volume is not zero");
+    parameters.option("roi", roi, "REGION", "flood only this region, as if there were no other voxels");
     parameters.flag("line", line, "leave voxels where different floods meet at 0");
 }
 
@@ -122,15 +124,17 @@ Plan Watershed::plan(std::span<Header const> inputs) const {
     if (markers && !is_integer(inputs[1].dtype))
         throw Error(ErrorKind::usage, text("markers are labels, and cannot be ", inputs[1].dtype),
                     "vkt label numbers the components of a mask; vkt convert --dtype uint32 changes the type");
-    if (!Flooding::can(first.dims))
-        throw Error(ErrorKind::resources, text("a volume of ", first.dims, " voxels has too many for 32 bits"),
+    Header within = first;
+    within.dims = roi.resolve(first.dims).dims();
+    if (!Flooding::can(within.dims))
+        throw Error(ErrorKind::resources, text("a volume of ", within.dims, " voxels has too many for 32 bits"),
                     "make it smaller with 'vkt crop' or 'vkt resample'");
     DataType const relief = on == Relief::value ? first.dtype : DataType::float32;
-    double bytes = Flooding::bytes(first.dims, relief, !markers);
-    if (on != Relief::value) bytes += 4 * static_cast<double>(first.voxels());
-    if (mask || on == Relief::distance) bytes += static_cast<double>(first.voxels());
+    double bytes = Flooding::bytes(within.dims, relief, !markers);
+    if (on != Relief::value) bytes += 4 * static_cast<double>(within.voxels());
+    if (mask || on == Relief::distance) bytes += static_cast<double>(within.voxels());
     plan.state_bytes = static_cast<std::size_t>(bytes);
-    if (on == Relief::distance) plan.state_bytes += Distance().plan({&first, 1}).state_bytes; // or it is refused
+    if (on == Relief::distance) plan.state_bytes += Distance().plan({&within, 1}).state_bytes; // or it is refused
     return plan;
 }
 
@@ -138,6 +142,9 @@ void Watershed::begin(std::span<Header const> inputs, Plan const&) {
     headers_.assign(inputs.begin(), inputs.end());
     result_ = {};
     sizes_.clear();
+    if (inputs.front().kind == Kind::hierarchical) return;
+    region_ = roi.resolve(inputs.front().dims);
+    for (Header& header : headers_) header.dims = region_.dims();
 }
 
 std::vector<std::uint8_t> Watershed::taking_part(std::span<ConstView const> inputs) const {
@@ -174,7 +181,12 @@ void Watershed::mark(Flooding& flooding, ConstView volume) const {
                                                   : "there is no marker where the volume is to be flooded");
 }
 
-void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+void Watershed::run(std::span<ConstView const> wholes, AnyView whole, Execution const& execution) {
+    if (region_ != whole.box) fill_box(whole, VoxelBytes{}, execution);
+    AnyView const out = whole.part(region_).moved_to({});
+    std::vector<ConstView> parts;
+    for (ConstView const& input : wholes) parts.push_back(input.part(region_).moved_to({}));
+    std::span<ConstView const> const inputs = parts;
     Header const& header = headers_.front();
     std::vector<std::uint8_t> const part = taking_part(inputs);
     ConstView values = inputs[0];
@@ -205,7 +217,7 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
     result_ = flooding.flood(line);
     share.reset();
     View<std::uint32_t> const labels = out.as<std::uint32_t>();
-    Index3 const origin = out.box.lower, n = out.dims();
+    Index3 const n = out.dims();
     std::uint32_t const highest = flooding.highest_label();
     bool const few = highest <= static_cast<std::uint64_t>(header.voxels()); // as many counters as voxels at most
     std::vector<std::int64_t> counts(few ? highest + 1 : 0);
@@ -214,7 +226,7 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
         for (std::int64_t y = 0; y < n.y; ++y)
             for (std::int64_t x = 0; x < n.x; ++x) {
                 std::uint32_t const label = flooding.label({x, y, z});
-                labels(origin.x + x, origin.y + y, origin.z + z) = label;
+                labels(x, y, z) = label;
                 if (label != 0) ++(few ? counts[label] : others[label]);
             }
     sizes_.assign(others.begin(), others.end());

@@ -35,6 +35,7 @@ public:
     double depth = 0; ///< physical values; of distances world units
     int connectivity = 6;
     bool line = false;
+    Roi roi; ///< all else takes no part, and is 0
 
     std::string_view name() const override { return "watershed"; }
     Texts texts() const override;
@@ -46,7 +47,7 @@ public:
     /// Throws Error{usage} if the volumes do not lie on one another or the markers are no integers.
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
-    Box footprint(Box const&, int) const override { return box_of(headers_.front().dims); }
+    Box footprint(Box const&, int) const override { return region_; }
     /// Throws Error{data} if there is no marker.
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
@@ -59,7 +60,8 @@ private:
     std::vector<std::uint8_t> taking_part(std::span<ConstView const> inputs) const;
     void mark(Flooding& flooding, ConstView volume) const;
 
-    std::vector<Header> headers_;
+    std::vector<Header> headers_; ///< of the region
+    Box region_;
     Flooding::Result result_;
     std::vector<std::pair<std::uint32_t, std::int64_t>> sizes_; ///< labels in ascending order, and their voxels
 };

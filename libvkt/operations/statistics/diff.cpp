@@ -66,7 +66,7 @@ Texts Diff::texts() const {
 }
 
 void Diff::parameters(Parameters& p) {
-    p.option("tolerance", tolerance, "T", "largest absolute difference that counts as equal (0)");
+    p.option("tolerance", tolerance, "T", "largest absolute difference that counts as equal, a physical value (0)");
     p.flag("geometry", geometry, "also fail if origin, spacing or direction differ");
     p.flag("ssim", ssim, "also the mean structural similarity: Gaussian window of 11 voxels, sigma 1.5");
     p.option("ssim-range", ssim_range, "R",

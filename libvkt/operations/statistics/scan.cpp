@@ -3,10 +3,13 @@
 #include "libvkt/operations/statistics/scan.h"
 
 #include "libvkt/amr/tree.h"
+#include "libvkt/operations/common/beside.h"
+#include "libvkt/operations/common/kernels/convert.h"
 #include "libvkt/operations/common/remarks.h"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -26,14 +29,16 @@ Texts Scan::texts() const {
 void Scan::parameters(Parameters& parameters) {
     parameters.flag("exclusive", exclusive,
                     "sum what lies before the voxel along each axis: 0 in the first row, column and slice");
+    parameters.option("roi", roi, "REGION",
+                      "sum only within this region, as if it were the volume; keep the other values");
 }
 
 ScanState Scan::state_for(Header const& in) const {
     ScanState state;
     state.exclusive = exclusive;
-    state.dims = in.dims;
+    state.dims = roi.resolve(in.dims).dims();
     if (is_integer(in.dtype) && in.values.intercept == 0) {
-        double const voxels = volume_of(in.dims), largest = std::max(highest_of(in.dtype), -lowest_of(in.dtype));
+        double const voxels = volume_of(state.dims), largest = std::max(highest_of(in.dtype), -lowest_of(in.dtype));
         bool const all_fit = size_of(in.dtype) < 8 && voxels * largest < (is_signed(in.dtype) ? 0x1p63 : 0x1p64);
         state.sums = all_fit ? ScanSums::whole : ScanSums::wide;
     } else {
@@ -53,7 +58,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
     plan.carries = true;
     plan.cost = 4;
     plan.slab_hint = 16; // threads follow one another a slice behind
-    Index3 const n = in.dims;
+    Index3 const n = state.dims;
     double const voxels = volume_of(n);
     if (state.sums == ScanSums::whole || state.sums == ScanSums::wide) {
         plan.output.dtype = is_signed(in.dtype) ? DataType::int64 : DataType::uint64;
@@ -72,7 +77,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
         plan.error.absolute = voxels * mapping * std::abs(in.values.intercept);
         plan.error.limit(in.dtype, in.values.slope, std::nullopt);
     }
-    plan.passing = ErrorPassing::summed(voxels, values_of(in));
+    plan.passing = ErrorPassing::summed(voxels, values_of(in)); // of more than one, or of one alone outside
     if (is_integer(plan.output.dtype)) plan.passing.storing = ErrorPassing::Storing::whole;
     plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state.bytes_each();
     return plan;
@@ -81,6 +86,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
 void Scan::begin(std::span<Header const> inputs, Plan const&) {
     losses_ = {};
     state_ = state_for(inputs[0]);
+    region_ = roi.resolve(inputs[0].dims);
 }
 
 std::size_t Scan::fit(Index3 largest, Execution const& execution) {
@@ -90,8 +96,23 @@ std::size_t Scan::fit(Index3 largest, Execution const& execution) {
     return static_cast<std::size_t>(largest.x * rows) * state_.bytes_each();
 }
 
+/// What lies outside of the region, in the type of the result.
+void Scan::keep(ConstView in, AnyView out, Execution const& execution) {
+    if (state_.map == ValueMap{}) return convert_values(in, out, losses_, execution);
+    LinearMap physical;
+    physical.factor = state_.map.slope;
+    physical.to_low = state_.map.intercept;
+    physical.least = -std::numeric_limits<double>::infinity();
+    physical.most = -physical.least;
+    convert_range(in, out, physical, losses_, execution);
+}
+
 void Scan::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    scan_slab(state_, inputs[0], out, losses_, execution);
+    Box const inside = intersect(out.box, region_);
+    for_each_beside(out.box, inside, [&](Box const& box) { keep(inputs[0].part(box), out.part(box), execution); });
+    if (inside.empty()) return;
+    Index3 const move = inside.lower - region_.lower;
+    scan_slab(state_, inputs[0].part(inside).moved_to(move), out.part(inside).moved_to(move), losses_, execution);
 }
 
 std::vector<Remark> Scan::remarks() const {

@@ -16,6 +16,7 @@ namespace vkt {
 class Scan : public Operation {
 public:
     bool exclusive = false;
+    Roi roi; ///< as if it were the volume; all else keeps its values
 
     std::string_view name() const override { return "scan"; }
     Texts texts() const override;
@@ -32,8 +33,10 @@ public:
 private:
     /// Nothing is summed yet.
     ScanState state_for(Header const& in) const;
+    void keep(ConstView in, AnyView out, Execution const& execution);
 
     ScanState state_;
+    Box region_;
     Losses losses_;
 };
 

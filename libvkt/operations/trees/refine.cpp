@@ -146,7 +146,7 @@ Texts Refine::texts() const {
 
 void Refine::parameters(Parameters& p) {
     p.option("tolerance", tolerance, "T",
-             "largest difference at voxel centres, in physical values, or noise: as much as the volume's noise")
+             "largest difference at voxel centres, a physical value, or noise: as much as the volume's noise")
         .needed();
     p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
     p.option("transfer", transfer, "FILE",

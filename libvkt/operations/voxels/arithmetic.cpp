@@ -2,12 +2,17 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/arithmetic.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/travelled.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/common/beside.h"
+#include "libvkt/operations/common/kernels/convert.h"
 #include "libvkt/operations/common/same_grid.h"
 #include "libvkt/operations/voxels/exact.h"
 #include "libvkt/operations/voxels/kernels/arithmetic.h"
 #include "libvkt/operations/voxels/kernels/arithmetic_settled.h"
+#include "libvkt/operations/voxels/kernels/fill.h"
 
 #include <bit>
 #include <cmath>
@@ -186,6 +191,10 @@ void Arithmetic::parameters(Parameters& p) {
     p.positional("b", b, "second operand; if one too few is given, the first is standard input").optional();
     p.positional("c", c, "third operand").optional();
     p.option("dtype", dtype, "TYPE", "data type of the result");
+    p.option(
+        "roi", roi, "REGION",
+        "compute only the voxels of this region; the others keep the first volume's values, and its type, or are 0 "
+        "in a mask");
 }
 
 std::vector<Knob> Arithmetic::knobs() const { return {type_knob()}; }
@@ -228,7 +237,10 @@ void Arithmetic::choose_type(std::vector<Header const*> const& headers, Choice& 
     bool const small = std::all_of(volumes.begin(), volumes.end(), [](Header const* h) {
         return size_of(h->dtype) <= 2 || h->dtype == DataType::float32;
     });
-    if (is_predicate(op)) {
+    if (keeps_first()) { // all else stays what it is
+        choice.type = volumes.front()->dtype;
+        choice.values = volumes.front()->values;
+    } else if (is_predicate(op)) {
         choice.type = DataType::uint8;
         choice.values = {};
     } else if (is_function(op)) {
@@ -326,6 +338,7 @@ Arithmetic::Choice Arithmetic::choice(std::span<Header const> inputs) const {
 
 Plan Arithmetic::plan(std::span<Header const> inputs) const {
     require_same_grid(inputs);
+    static_cast<void>(region_in(inputs.front().dims)); // or it is refused
     Choice const choice = this->choice(inputs);
     Plan plan;
     plan.output = inputs.front();
@@ -352,6 +365,11 @@ void Arithmetic::begin(std::span<Header const> inputs, Plan const&) {
     choice_ = choice(inputs);
     voxels_ = inputs.front().voxels();
     counts_ = {};
+    box_ = finest_ = region_in(inputs.front().dims);
+}
+
+void Arithmetic::enter_level(Index3 cell_width, Index3 first) {
+    box_ = cells_centred_in({finest_.lower - first, finest_.upper - first}, cell_width);
 }
 
 /// Of values as they are stored where they are combined so; a common value map then changes no sum's error.
@@ -491,6 +509,12 @@ void Arithmetic::pass(std::span<Header const> inputs, Choice const& choice, Plan
     plan.passing.gain.clear();
     for (std::size_t i = 0; i < choice.numbers.size(); ++i)
         if (!choice.numbers[i]) plan.passing.gain.push_back(gains[i]);
+    if (keeps_first()) {
+        auto const kept = values_of(inputs.front());
+        values = values && kept ? std::optional(values->with(*kept)) : std::nullopt;
+        plan.passing.gain.front() = std::max(plan.passing.gain.front(), 1.0);
+        if (passed) passed = std::max(*passed, inputs.front().error.at_most);
+    }
     plan.passing.passed = passed;
     plan.passing.values = values;
     if (is_predicate(op) || (whole && !mapped && !is_function(op) && is_integer(choice.type)))
@@ -503,6 +527,33 @@ void Arithmetic::pass(std::span<Header const> inputs, Choice const& choice, Plan
 }
 
 void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = roi.empty() ? out.box : intersect(out.box, box_);
+    if (inside == out.box) return compute(inputs, out, execution);
+    auto const parts = [&](Box const& box) {
+        std::vector<ConstView> result;
+        for (ConstView const& input : inputs) result.push_back(input.part(box));
+        return result;
+    };
+    for_each_beside(out.box, inside, [&](Box const& box) { keep(parts(box), out.part(box), execution); });
+    if (!inside.empty()) compute(parts(inside), out.part(inside), execution);
+}
+
+void Arithmetic::keep(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    if (is_predicate(op)) return fill_box(out, VoxelBytes{}, execution);
+    if (op == ArithmeticOp::where) {
+        ArithmeticTask nowhere = task();
+        nowhere.volume[0] = -1;
+        nowhere.number[0] = 0;
+        nowhere.whole[0] = 0;
+        return arithmetic(nowhere, inputs, out, counts_, execution);
+    }
+    if (inputs[0].type == out.type)
+        copy_region(inputs[0], out, execution);
+    else
+        convert_values(inputs[0], out, counts_, execution);
+}
+
+void Arithmetic::compute(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (choice_.settles) {
         std::array<ExactOperand, 2> operand;
         std::size_t next = 0;
@@ -519,6 +570,10 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
         return arithmetic_settled(op, choice_.algorithm == Algorithm::in_float, operand[0], operand[1], out, counts_,
                                   execution);
     }
+    arithmetic(task(), inputs, out, counts_, execution);
+}
+
+ArithmeticTask Arithmetic::task() const {
     ArithmeticTask task;
     task.op = op;
     task.type = choice_.algorithm == Algorithm::in_integers ? ArithmeticType::in_integers
@@ -536,7 +591,7 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     task.counts_zeros = op == ArithmeticOp::div && choice_.integers;
     task.lowest = lowest_of(choice_.type);
     task.highest = highest_of(choice_.type);
-    arithmetic(task, inputs, out, counts_, execution);
+    return task;
 }
 
 std::vector<Remark> Arithmetic::remarks() const {

@@ -12,6 +12,8 @@
 
 namespace vkt {
 
+struct ArithmeticTask;
+
 enum class ArithmeticOp : std::uint8_t {
     add,
     sub,
@@ -58,12 +60,15 @@ int operand_count(ArithmeticOp op);
 /// IEEE 754. min and max hand NaN on. Comparisons and logic give uint8 0 and 1; comparisons with NaN are false but for
 /// ne, and NaN counts as true. pow, sqrt, exp and log give float32 or, of 32-bit and wider types, float64, within two
 /// units in the last place of float64 before that is stored. where takes the second operand where the first is not 0,
-/// the third elsewhere.
+/// the third elsewhere. With a region the result has the type and the value map of the first volume, whose values all
+/// other voxels keep, as in transform; of comparisons and logic these are 0, as in threshold, and where gives the third
+/// operand there.
 class Arithmetic : public Operation, public Tunable {
 public:
     ArithmeticOp op = ArithmeticOp::add;
     std::string a, b, c; ///< paths or numbers
     std::optional<DataType> dtype;
+    Roi roi; ///< all other voxels keep the first volume's values; see above
 
     std::string_view name() const override { return "arith"; }
     Texts texts() const override;
@@ -76,7 +81,8 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
-    bool uses_position() const override { return false; }
+    void enter_level(Index3 cell_width, Index3 first) override;
+    bool uses_position() const override { return !roi.empty(); }
     /// Where results are computed once more exactly only CPUs do that.
     bool runs_on_gpu() const override { return !choice_.settles; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
@@ -86,6 +92,10 @@ public:
 private:
     enum class Algorithm : std::uint8_t { in_float, in_double, in_integers };
     struct Operand;
+    bool keeps_first() const {
+        return !roi.empty() && !(op >= ArithmeticOp::gt && op <= ArithmeticOp::not_) && op != ArithmeticOp::where;
+    }
+    Box region_in(Index3 dims) const { return roi.empty() ? box_of(dims) : roi.resolve(dims); }
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
     /// In which values, and as what, results are computed.
@@ -103,9 +113,14 @@ private:
     void choose_type(std::vector<Header const*> const& headers, Choice& choice) const;
     void choose_values(std::vector<Header const*> const& headers, Choice& choice) const;
     bool rounds_twice(Choice const& choice, Operand const& u, Operand const& v) const;
+    /// Voxels outside of the region.
+    void keep(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
+    ArithmeticTask task() const;
+    void compute(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
     void pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const;
 
     Choice choice_;
+    Box box_, finest_; ///< the region in cells of the level, and as given
     std::int64_t voxels_ = 0;
     Losses counts_;
 };

@@ -13,7 +13,7 @@ namespace {
 /// Bytes of a pixel's accumulators.
 struct Needs {
     std::size_t extremes = 0;
-    bool whole = false, wide = false, value = false, extra = false, count = false;
+    bool whole = false, wide = false, value = false, extra = false, count = false, scale = false;
 };
 
 Needs needs(Projection kind, DataType type, std::int64_t n) {
@@ -27,6 +27,7 @@ Needs needs(Projection kind, DataType type, std::int64_t n) {
     else
         result.value = result.count = true;
     result.extra = kind == Projection::std || (result.value && type == DataType::float64);
+    result.scale = kind == Projection::std && type == DataType::float64;
     return result;
 }
 
@@ -42,8 +43,8 @@ ProjectionState::ProjectionState(Projection projection, DataType voxels, int alo
 
 std::size_t ProjectionState::bytes() const {
     Needs const n = needs(kind, type, dims[axis]);
-    std::size_t const pixel =
-        n.extremes + (n.whole ? 8 : 0) + (n.wide ? 16 : 0) + (n.value ? 8 : 0) + (n.extra ? 8 : 0) + (n.count ? 8 : 0);
+    std::size_t const pixel = n.extremes + (n.whole ? 8 : 0) + (n.wide ? 16 : 0) + (n.value ? 8 : 0) +
+                              (n.extra ? 8 : 0) + (n.count ? 8 : 0) + (n.scale ? 8 : 0);
     return static_cast<std::size_t>(pixels()) * pixel;
 }
 
@@ -59,6 +60,7 @@ void ProjectionState::point(std::byte* memory) {
     next(value, n.value);
     next(extra, n.extra);
     next(count, n.count);
+    next(scale, n.scale);
     next(extremes, n.extremes > 0);
 }
 

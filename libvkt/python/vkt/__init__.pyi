@@ -109,7 +109,7 @@ def affine(
     volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
     expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
@@ -118,8 +118,9 @@ def arith(
     
     op: Literal['add', 'sub', 'mul', 'div', 'min', 'max', 'absdiff', 'pow', 'gt', 'ge', 'lt', 'le', 'eq', 'ne', 'and', 'or', 'not', 'abs', 'neg', 'sqrt', 'exp', 'log', 'clamp', 'where'],
     a: Volume | SupportsFloat | None = None, b: Volume | SupportsFloat | None = None,
-    c: Volume | SupportsFloat | None = None, *, dtype: DType | None = None, device: Value = 'auto',
-    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
+    c: Volume | SupportsFloat | None = None, *, dtype: DType | None = None, roi: Region | None = None,
+    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
+    slab: SupportsIndex = 0,
 ) -> Volume: ...
 def brick(volume: Volume, **options: Any) -> list[Volume]: ...
 def clahe(
@@ -187,8 +188,8 @@ def fill(
 ) -> Volume: ...
 def fill_holes(
     volume: Volume, *, connectivity: SupportsIndex = 6, value: SupportsFloat | None = None,
-    max_size: SupportsIndex | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
-    memory: Value | None = None, slab: SupportsIndex = 0,
+    max_size: SupportsIndex | None = None, roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def fill_range(
     volume: Volume, *, value: SupportsFloat = 0.0, roi: Region | None = None, first: Integers | None = None,
@@ -282,7 +283,7 @@ def resample(
     spacing: SupportsFloat | Numbers | None = None, like: Volume | Value | None = None,
     cells: SupportsFloat | None = None,
     method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
-    tolerance: SupportsFloat | None = None, roi: Region | None = None, roi_world: Region | None = None,
+    tolerance: Value | None = None, roi: Region | None = None, roi_world: Region | None = None,
     background: SupportsFloat | None = None, mask: bool = False, boundary: str | None = None,
     dtype: DType | None = None, bytes_per_voxel: SupportsIndex | None = None, dist: Numbers | None = None,
     voxel_mapping: Numbers | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
@@ -294,7 +295,7 @@ def rotate(
     about: SupportsFloat | Numbers | None = None, expand: bool = False, like: Volume | Value | None = None,
     roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
@@ -302,13 +303,13 @@ def scale(
     volume: Volume, *, factor: SupportsFloat | Numbers, about: SupportsFloat | Numbers | None = None,
     expand: bool = False, like: Volume | Value | None = None, roi: Region | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    tolerance: SupportsFloat | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
+    tolerance: Value | None = None, boundary: str | None = None, background: SupportsFloat | None = None,
     device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
     slab: SupportsIndex = 0,
 ) -> Volume: ...
 def scan(
-    volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
-    memory: Value | None = None, slab: SupportsIndex = 0,
+    volume: Volume, *, exclusive: bool = False, roi: Region | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def set(
     volume: Volume, *, spacing: SupportsFloat | Numbers | None = None, dist: Numbers | None = None,
@@ -348,8 +349,8 @@ def trim() -> int: ...
 def watershed(
     volume: Volume, *, markers: Volume | None = None, depth: SupportsFloat = 0.0,
     on: Literal['value', 'gradient', 'distance'] = 'value', connectivity: SupportsIndex = 6,
-    mask: Volume | None = None, line: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
-    memory: Value | None = None, slab: SupportsIndex = 0,
+    mask: Volume | None = None, roi: Region | None = None, line: bool = False, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def write_series(volumes: Iterable[Volume | Array], path: str | os.PathLike[str], **options: Any) -> None: ...
 def write_stream(file: Any, volumes: Volume | Array | Iterable[Volume | Array], **options: Any) -> None: ...

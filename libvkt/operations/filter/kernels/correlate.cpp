@@ -6,6 +6,7 @@
 #include "libvkt/kernel/stencil.h"
 
 #include <algorithm>
+#include <memory>
 
 namespace vkt {
 
@@ -88,9 +89,11 @@ template <class C> std::vector<Weights<C>> weights_of(std::vector<AxisTaps> cons
 /// A thread's tiles.
 template <class C> class TermTile {
 public:
-    TermTile(ConstView in, AnyView out, SeparableSum const& sum)
-        : in_(in), out_(out), sum_(sum), radius_(sum.radius()), x_(weights_of<C>(sum.x)), y_(weights_of<C>(sum.y)),
-          z_(weights_of<C>(sum.z)) {
+    /// With a scale, voxels are multiplied by it, and results divided.
+    TermTile(ConstView in, AnyView out, SeparableSum const& sum, C scale = 1)
+        : in_(in), out_(out), sum_(sum), scale_(scale), headroom_(static_cast<C>(sum.headroom())),
+          overflows_(scale == 1 && (in.type == DataType::float32 || in.type == DataType::float64)),
+          radius_(sum.radius()), x_(weights_of<C>(sum.x)), y_(weights_of<C>(sum.y)), z_(weights_of<C>(sum.z)) {
         Index3 const tile = sum.tile();
         constexpr std::int64_t block = together * lane_count<C>;
         pitch_ = (tile.x + 2 * radius_.x + block - 1) / block * block + block;
@@ -105,14 +108,34 @@ public:
     }
 
     void run(Box const& tile, Losses& losses) {
-        tile_ = tile;
+        begin(tile);
+        bool reduced = false;
         for (std::int64_t z = tile.lower.z - radius_.z; z < tile.upper.z + radius_.z; ++z) {
             filter_slice(z);
-            if (z >= tile.lower.z + radius_.z) finish_slice(z - radius_.z, losses);
+            if (reduced) {
+                reduced_->filter_slice(z);
+            } else if (large_) {
+                reduced = true;
+                reduce(z);
+            }
+            if (z >= tile.lower.z + radius_.z) finish_slice(z - radius_.z, reduced, losses);
         }
     }
 
 private:
+    void begin(Box const& tile) {
+        tile_ = tile;
+        large_ = false;
+    }
+    /// From now on there are results of smaller voxels beside the others, for where those overflow: the slices up to z
+    /// once more.
+    void reduce(std::int64_t z) {
+        if (reduced_ == nullptr) reduced_ = std::make_unique<TermTile>(in_, out_, sum_, headroom_);
+        reduced_->begin(tile_);
+        for (std::int64_t k = std::max(tile_.lower.z - radius_.z, z - 2 * radius_.z); k <= z; ++k)
+            reduced_->filter_slice(k);
+    }
+
     C* line(std::size_t taps, std::int64_t j) {
         return lines_.data() + (static_cast<std::int64_t>(taps) * (rows_ + 2 * radius_.y) + j) * pitch_;
     }
@@ -129,6 +152,9 @@ private:
             for (std::int64_t i = 0; i < wide; i += row_piece)
                 load_row(in_.type, in_.at(x0 + i, tile_.lower.y - radius_.y + j, z), line_.data() + i,
                          std::min(row_piece, wide - i));
+            if (overflows_ && !large_) look_for_large(wide);
+            if (scale_ != 1)
+                for (std::int64_t i = 0; i < wide; ++i) line_[static_cast<std::size_t>(i)] *= scale_;
             for (std::size_t t = 0; t < x_.size(); ++t) {
                 std::int64_t const r = x_[t].radius;
                 for (std::int64_t k = -r; k <= r; ++k)
@@ -148,35 +174,57 @@ private:
         }
     }
 
-    /// The sums along z, and what is made of them.
-    void finish_slice(std::int64_t z, Losses& losses) {
+    /// Of the row of voxels at hand.
+    void look_for_large(std::int64_t n) {
+        C const* const line = line_.data();
+        std::int32_t found = 0;
+#pragma omp simd reduction(| : found)
+        for (std::int64_t x = 0; x < n; ++x) found |= is_large(line[x], headroom_) ? 1 : 0;
+        large_ = found != 0;
+    }
+
+    void finish_slice(std::int64_t z, bool reduced, Losses& losses) {
         Index3 const n = tile_.dims();
         for (std::int64_t j = 0; j < n.y; ++j) {
-            int before = -1;
-            for (auto const& term : sum_.terms) {
-                auto const& weights = z_[static_cast<std::size_t>(term.z)];
-                std::int64_t const r = weights.radius;
-                for (std::int64_t k = -r; k <= r; ++k)
-                    pointers_[static_cast<std::size_t>(k + r)] = ring(static_cast<std::size_t>(term.plane), z + k, j);
-                C* const part = parts_.data() + term.part * pitch_;
-                if (term.weight == 1) {
-                    weights.apply(pointers_.data(), part, n.x, term.part == before);
-                } else {
-                    C* const unweighted = parts_.data() + sum_.parts * pitch_;
-                    auto const weight = static_cast<C>(term.weight);
-                    weights.apply(pointers_.data(), unweighted, n.x, false);
-                    if (term.part != before) std::fill(part, part + n.x, C(0));
-                    for (std::int64_t x = 0; x < n.x; ++x) part[x] = madd(weight, unweighted[x], part[x]);
-                }
-                before = term.part;
+            C* const result = finished_row(z, j);
+            if (reduced) {
+                C const* const other = reduced_->finished_row(z, j);
+                for (std::int64_t x = 0; x < n.x; ++x)
+                    result[x] = result[x] - result[x] == 0 ? result[x] : other[x]; // NOLINT(misc-redundant-expression)
             }
-            C* const result = parts_.data();
-            if (sum_.parts > 1) take_length(n.x);
-            if (sum_.offset != 0)
-                for (std::int64_t x = 0; x < n.x; ++x) result[x] += static_cast<C>(sum_.offset);
             losses +=
                 store_row(out_.type, static_cast<C const*>(result), out_.at(tile_.lower.x, tile_.lower.y + j, z), n.x);
         }
+    }
+
+    /// The sums along z of a row, and what is made of them.
+    C* finished_row(std::int64_t z, std::int64_t j) {
+        std::int64_t const n = tile_.dims().x;
+        int before = -1;
+        for (auto const& term : sum_.terms) {
+            auto const& weights = z_[static_cast<std::size_t>(term.z)];
+            std::int64_t const r = weights.radius;
+            for (std::int64_t k = -r; k <= r; ++k)
+                pointers_[static_cast<std::size_t>(k + r)] = ring(static_cast<std::size_t>(term.plane), z + k, j);
+            C* const part = parts_.data() + term.part * pitch_;
+            if (term.weight == 1) {
+                weights.apply(pointers_.data(), part, n, term.part == before);
+            } else {
+                C* const unweighted = parts_.data() + sum_.parts * pitch_;
+                auto const weight = static_cast<C>(term.weight);
+                weights.apply(pointers_.data(), unweighted, n, false);
+                if (term.part != before) std::fill(part, part + n, C(0));
+                for (std::int64_t x = 0; x < n; ++x) part[x] = madd(weight, unweighted[x], part[x]);
+            }
+            before = term.part;
+        }
+        C* const result = parts_.data();
+        if (sum_.parts > 1) take_length(n);
+        if (scale_ != 1)
+            for (std::int64_t x = 0; x < n; ++x) result[x] /= scale_;
+        if (sum_.offset != 0)
+            for (std::int64_t x = 0; x < n; ++x) result[x] += static_cast<C>(sum_.offset);
+        return result;
     }
 
     /// Of the parts of a row, into the first.
@@ -205,6 +253,10 @@ private:
     ConstView in_;
     AnyView out_;
     SeparableSum const& sum_;
+    C scale_, headroom_;
+    bool overflows_;                    ///< voxels are such as may be too large
+    bool large_ = false;                ///< some of the tile so far are
+    std::unique_ptr<TermTile> reduced_; ///< of voxels times headroom_
     Index3 radius_;
     std::vector<Weights<C>> x_, y_, z_;
     Box tile_;

@@ -16,11 +16,22 @@
 namespace vkt::VKT_BACKEND {
 namespace {
 
-/// Voxels in device memory as C, of a type that is looked up.
+/// Voxels in device memory as C, of a type that is looked up, times a power of two.
 template <class C> struct Values {
     driver::DeviceRows rows;
+    C scale = 1;
     __device__ __forceinline__ C operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return driver::load_value<C>(rows.type, rows.at(x, y, z));
+        return driver::load_value<C>(rows.type, rows.at(x, y, z)) * scale;
+    }
+};
+
+/// Counts voxels that are so large that something in between may overflow.
+template <class C> struct CountLarge {
+    Values<C> in;
+    C headroom;
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        counts.undefined += is_large(in(x, y, z), headroom) ? 1 : 0;
     }
 };
 
@@ -126,25 +137,37 @@ template <class C, int N> __device__ __forceinline__ C length_of(C const (&part)
     return sqrt(sum) / scale;
 }
 
-/// What is made of the parts of a sum.
+template <class C> __device__ __forceinline__ bool is_finite(C value) { return value - value == 0; }
+
+/// What is made of the parts of a sum; where that is not finite, of the sum of voxels times `scale`, if there is one.
+/// Counts what is not finite without it.
 template <class C> struct Finish {
-    C const* part[most_parts];
+    C const *part[most_parts], *reduced[most_parts];
     int parts;
+    bool has_reduced;
     std::int64_t row, slice;
-    C offset;
+    C offset, scale;
     driver::DeviceRows out;
 
+    __device__ __forceinline__ C result_of(C const* const (&of)[most_parts], std::int64_t i) const {
+        if (parts == 1) return of[0][i];
+        C value[most_parts];
+#pragma unroll
+        for (int p = 0; p < most_parts; ++p) value[p] = p < parts ? of[p][i] : C(0);
+        return length_of(value);
+    }
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         std::int64_t const i = x + y * row + z * slice;
-        C result = part[0][i];
-        if (parts > 1) {
-            C value[most_parts];
-#pragma unroll
-            for (int p = 0; p < most_parts; ++p) value[p] = p < parts ? part[p][i] : C(0);
-            result = length_of(value);
-        }
+        C result = result_of(part, i);
         if (offset != 0) result += offset;
+        if (!is_finite(result)) {
+            ++counts.undefined;
+            if (has_reduced) {
+                result = result_of(reduced, i) / scale;
+                if (offset != 0) result += offset;
+            }
+        }
         driver::store_value(out.type, out.at(x, y, z), result, counts);
     }
 };
@@ -296,6 +319,7 @@ __global__ void __launch_bounds__(near_x* near_y)
                 result = length_of(part);
             }
             if (sum.offset != 0) result += sum.offset;
+            if (!is_finite(result)) ++counts.undefined;
             driver::store_value(out.type, out.at(x, y, made), result, counts);
         }
     }
@@ -313,17 +337,13 @@ template <class C, class T> void launch_near(ConstView in, AnyView out, NearSum<
     counts.add_to(losses);
 }
 
-template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses) {
-    if (out.box.empty()) return;
-    if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
-    if (NearSum<C>::fits(sum)) {
-        NearSum<C> const near(sum);
-        return with_type(in.type, [&]<class T>(T) { launch_near<C, T>(in, out, near, losses); });
-    }
-    Index3 const r = sum.radius(), n = out.dims();
+/// The parts of a sum of voxels times `scale`, axis by axis.
+template <class C>
+std::vector<std::unique_ptr<Stage<C>>> parts_of(ConstView in, Box const& box, SeparableSum const& sum, C scale) {
+    Index3 const r = sum.radius(), n = box.dims();
     Index3 const rows{n.x, n.y + 2 * r.y, n.z + 2 * r.z}, columns{n.x, n.y, rows.z};
     Weights<C> const wx(sum.x), wy(sum.y), wz(sum.z);
-    Values<C> const voxels{driver::device_rows(in, {out.box.lower - r, out.box.upper + r})};
+    Values<C> const voxels{driver::device_rows(in, {box.lower - r, box.upper + r}), scale};
     std::vector<std::unique_ptr<Stage<C>>> lines, planes, parts;
     for (std::size_t t = 0; t < sum.x.size(); ++t) {
         lines.push_back(std::make_unique<Stage<C>>(rows));
@@ -344,16 +364,56 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
              {0, 0, r.z}, 2, sum.z[t], wz.of(t), term.part == before, term.weight);
         before = term.part;
     }
+    return parts;
+}
+
+/// Any sum; `reduced`: with that of smaller voxels for what is not finite.
+template <class C> void by_axes(ConstView in, AnyView out, SeparableSum const& sum, bool reduced, Losses& losses) {
+    Index3 const n = out.dims();
+    auto const headroom = static_cast<C>(sum.headroom());
+    auto const parts = parts_of<C>(in, out.box, sum, C(1));
+    std::vector<std::unique_ptr<Stage<C>>> others;
+    if (reduced) others = parts_of<C>(in, out.box, sum, headroom);
     Finish<C> finish{};
     for (std::size_t p = 0; p < parts.size(); ++p) finish.part[p] = parts[p]->as().data;
+    for (std::size_t p = 0; p < others.size(); ++p) finish.reduced[p] = others[p]->as().data;
     finish.parts = sum.parts;
+    finish.has_reduced = reduced;
     finish.row = n.x;
     finish.slice = n.x * n.y;
     finish.offset = static_cast<C>(sum.offset);
+    finish.scale = headroom;
     finish.out = driver::device_rows(ConstView(out), out.box);
     driver::DeviceLosses const counts;
     driver::for_each_voxel(n, finish, counts.get(), "correlate");
     counts.add_to(losses);
+}
+
+template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses) {
+    if (out.box.empty()) return;
+    if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
+    Losses mine;
+    if (NearSum<C>::fits(sum)) {
+        NearSum<C> const near(sum);
+        with_type(in.type, [&]<class T>(T) { launch_near<C, T>(in, out, near, mine); });
+    } else {
+        by_axes<C>(in, out, sum, false, mine);
+    }
+    if (mine.undefined > 0) { // infinities and NaN, if nothing overflowed
+        Index3 const r = sum.radius();
+        Box const around{out.box.lower - r, out.box.upper + r};
+        driver::DeviceLosses const counts;
+        CountLarge<C> const large{{driver::device_rows(in, around)}, static_cast<C>(sum.headroom())};
+        driver::for_each_voxel(around.dims(), large, counts.get(), "correlate");
+        Losses found;
+        counts.add_to(found);
+        if (found.undefined > 0) {
+            mine = {};
+            by_axes<C>(in, out, sum, true, mine);
+        }
+    }
+    mine.undefined = 0;
+    losses += mine;
 }
 
 /// 27 weights, in the registers of a launch's parameters.

@@ -49,6 +49,8 @@ struct SeparableSum {
     /// Output voxels worked on together, and the bytes a thread needs for them.
     Index3 tile() const;
     std::size_t bytes() const;
+    /// A power of two by which voxels of any magnitude may be multiplied: nothing in between overflows then.
+    double headroom() const;
 };
 
 namespace VKT_BACKEND {
@@ -59,6 +61,13 @@ template <class C> VKT_HD C scale_for_squares(C most) {
     constexpr bool single = sizeof(C) == 4;
     constexpr C large = single ? C(0x1p40) : C(0x1p300), factor = single ? C(0x1p100) : C(0x1p700);
     return most > large ? 1 / factor : most < 1 / large ? factor : C(1);
+}
+
+/// Whether a number is one, and so large that something in between may overflow.
+template <class C> VKT_HD bool is_large(C value, C headroom) {
+    constexpr C most = sizeof(C) == 4 ? C(0x1.fffffep127) : C(0x1.fffffffffffffp1023);
+    C const size = value < 0 ? -value : value;
+    return size > most * headroom && size <= most;
 }
 
 } // namespace VKT_BACKEND

@@ -449,6 +449,21 @@ struct Spread {
     }
 };
 
+/// Magnitudes whose squares, and differences of which, neither overflow nor lose bits. Values beyond them are
+/// multiplied by a power of two, which is exact; a state that has come so far is, too.
+constexpr double small_size = 0x1p-300, large_size = 0x1p300, far_scale = 0x1p700;
+constexpr double scale_of_size(double size) {
+    return size > large_size ? 1 / far_scale : size < small_size ? far_scale : 1;
+}
+/// Sums of squares below it may have lost bits, unless they are 0 for good reason.
+constexpr double safe_squares = 0x1p-900;
+
+/// The magnitude of a number, 0 of what is none.
+template <class T> double size_of_number(T voxel) {
+    double const size = std::abs(static_cast<double>(voxel));
+    return size <= std::numeric_limits<double>::max() ? size : 0;
+}
+
 /// The spread of a row of numbers, in lanes that take turns. What is no number leaves none.
 template <class T> Spread spread_of_numbers(T const* row, std::int64_t n) {
     Spread all;
@@ -502,13 +517,35 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n) {
     return spread;
 }
 
+/// The same of any float64, and the power of two that they were multiplied by.
+struct ScaledSpread {
+    Spread spread;
+    double scale;
+};
+ScaledSpread scaled_spread_of_row(double const* row, std::int64_t n) {
+    Spread const plain = spread_of_row(row, n);
+    if (plain.squares >= safe_squares && plain.squares <= std::numeric_limits<double>::max()) return {plain, 1};
+    double most = 0;
+#pragma omp simd reduction(max : most)
+    for (std::int64_t i = 0; i < n; ++i) most = std::max(most, size_of_number(row[i]));
+    double const scale = most > 0 ? scale_of_size(most) : 1;
+    if (scale == 1) return {plain, 1};
+    std::vector<double> scaled(row, row + n);
+    for (double& v : scaled) v *= scale;
+    return {spread_of_row(static_cast<double const*>(scaled.data()), n), scale};
+}
+
 /// Pixels side by side, their means and sums of squares so far, and of how many values they are.
 struct Deviations {
     double *mean, *squares, *count;
+    double* scale; ///< null unless values are float64
     std::int64_t pixels;
 
     Deviations part(std::int64_t begin, std::int64_t n) const {
-        return {mean + begin, squares + begin, count + begin, n};
+        return {mean + begin, squares + begin, count + begin, scale == nullptr ? nullptr : scale + begin, n};
+    }
+    bool is_scaled() const {
+        return scale != nullptr && std::any_of(scale, scale + pixels, [](double s) { return s != 0; });
     }
 };
 
@@ -543,11 +580,12 @@ void add_numbers(T const* from, std::int64_t step, Deviations const& to, double 
 
 /// Adds those voxels of a row that are numbers. Multiplied by 1 / n, not divided by n, like all others. Returns how
 /// many are none.
-template <class T> std::int64_t add_some_numbers(T const* from, Deviations const& to) {
+template <bool scaled = false, class T> std::int64_t add_some_numbers(T const* from, Deviations const& to) {
     std::int32_t nan = 0;
 #pragma omp simd reduction(+ : nan)
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(to.pixels); ++i) {
-        auto const v = static_cast<double>(from[i]);
+        auto v = static_cast<double>(from[i]);
+        if constexpr (scaled) v *= to.scale[i] == 0 ? 1 : to.scale[i];
         bool const is = v == v; // NOLINT(misc-redundant-expression): NaN
         double const n = to.count[i] + (is ? 1 : 0), d = v - to.mean[i], m = to.mean[i] + d * (1 / n);
         to.squares[i] += is ? d * (v - m) : 0;
@@ -558,11 +596,36 @@ template <class T> std::int64_t add_some_numbers(T const* from, Deviations const
     return nan;
 }
 
+/// Brings at most most_again pixels to the scale that they need together with the next voxels of their lines. Returns
+/// whether one of them has another than 1.
+template <class T> bool rescale(T const* from, Lines<T> const& lines, Deviations const& to) {
+    double most[most_again] = {};
+    for (std::int64_t k = 0; k < lines.n; ++k) {
+        T const* const row = from + k * lines.step;
+#pragma omp simd
+        for (std::int64_t i = 0; i < to.pixels; ++i) most[i] = std::max(most[i], size_of_number(row[i]));
+    }
+    bool scaled = false;
+    for (std::int64_t i = 0; i < to.pixels; ++i) {
+        double const before = to.scale[i] == 0 ? 1 : to.scale[i];
+        double const so_far = std::max(std::abs(to.mean[i]), std::sqrt(to.squares[i])) / before;
+        double const size = std::max(most[i], so_far <= std::numeric_limits<double>::max() ? so_far : 0);
+        double const after = size > 0 ? scale_of_size(size) : before, factor = after / before;
+        to.mean[i] *= factor;
+        to.squares[i] *= factor;
+        to.squares[i] *= factor;
+        to.scale[i] = after == 1 ? 0 : after;
+        scaled = scaled || after != 1;
+    }
+    return scaled;
+}
+
 /// Lines side by side, at most most_tried of them. Returns how many voxels are NaN.
 template <class T> std::int64_t add_lines(Lines<T> const& lines, Deviations const& to) {
     alignas(64) double mean[most_tried], squares[most_tried];
     double const count = to.count[0];
-    bool const same = std::all_of(to.count, to.count + to.pixels, [&](double n) { return n == count; });
+    bool const same =
+        !to.is_scaled() && std::all_of(to.count, to.count + to.pixels, [&](double n) { return n == count; });
     if (same) {
         std::copy_n(to.mean, to.pixels, mean);
         std::copy_n(to.squares, to.pixels, squares);
@@ -580,15 +643,32 @@ template <class T> std::int64_t add_lines(Lines<T> const& lines, Deviations cons
     std::int64_t nan = 0;
     for (std::int64_t begin = 0; begin < to.pixels; begin += most_again) {
         Deviations const part = to.part(begin, std::min(most_again, to.pixels - begin));
-        if (same && all_finite(part.squares, part.pixels)) {
-            std::fill_n(part.count, part.pixels, count + static_cast<double>(lines.n));
+        T const* const from = lines.first + begin;
+        bool const finite = same && all_finite(part.squares, part.pixels);
+        auto const keep = [&] { std::fill_n(part.count, part.pixels, count + static_cast<double>(lines.n)); };
+        bool const safe = part.scale == nullptr || std::all_of(part.squares, part.squares + part.pixels,
+                                                               [](double sum) { return sum >= safe_squares; });
+        if (finite && safe) {
+            keep();
             continue;
         }
+        double tried_mean[most_again], tried_squares[most_again];
         if (same) {
+            std::copy_n(part.mean, part.pixels, tried_mean);
+            std::copy_n(part.squares, part.pixels, tried_squares);
             std::copy_n(mean + begin, part.pixels, part.mean);
             std::copy_n(squares + begin, part.pixels, part.squares);
         }
-        for (std::int64_t k = 0; k < lines.n; ++k) nan += add_some_numbers(lines.first + k * lines.step + begin, part);
+        bool const scaled = part.scale != nullptr && rescale(from, lines, part);
+        if (finite && !scaled) { // sums of squares of what is constant
+            std::copy_n(tried_mean, part.pixels, part.mean);
+            std::copy_n(tried_squares, part.pixels, part.squares);
+            keep();
+            continue;
+        }
+        for (std::int64_t k = 0; k < lines.n; ++k)
+            nan += scaled ? add_some_numbers<true>(from + k * lines.step, part)
+                          : add_some_numbers(from + k * lines.step, part);
     }
     return nan;
 }
@@ -664,7 +744,14 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
         if (state.dims[state.axis] <= most_squares) return add_small_squares<T>(state, in, execution);
     if (state.axis == 0)
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
-            Spread const spread = spread_of_row(line.first, line.n);
+            Spread spread;
+            if constexpr (std::is_same_v<T, double>) {
+                ScaledSpread const scaled = scaled_spread_of_row(line.first, line.n);
+                spread = scaled.spread;
+                state.scale[line.at] = scaled.scale == 1 ? 0 : scaled.scale;
+            } else {
+                spread = spread_of_row(line.first, line.n);
+            }
             state.value[line.at] = spread.mean;
             state.extra[line.at] = spread.squares;
             state.count[line.at] = spread.count;
@@ -672,7 +759,8 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
         });
     for_each_lines<T>(state, in, pixels_together<T>(state), execution, [&](Lines<T> const& lines) {
         double* const mean = state.value + lines.at;
-        add_nan(state, add_lines(lines, {mean, state.extra + lines.at, state.count + lines.at, lines.pixels}));
+        double* const scale = state.scale == nullptr ? nullptr : state.scale + lines.at;
+        add_nan(state, add_lines(lines, {mean, state.extra + lines.at, state.count + lines.at, scale, lines.pixels}));
     });
 }
 
@@ -687,7 +775,8 @@ void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n,
         } else if (state.wide != nullptr) {
             to[i] = static_cast<double>(state.wide[p]) / length;
         } else if (state.kind == Projection::std) {
-            to[i] = state.count[p] > 0 ? std::sqrt(state.extra[p] / state.count[p]) : none;
+            double const scale = state.scale == nullptr || state.scale[p] == 0 ? 1 : state.scale[p];
+            to[i] = state.count[p] > 0 ? std::sqrt(state.extra[p] / state.count[p]) / scale : none;
         } else {
             double const sum = state.value[p] + (state.extra == nullptr ? 0 : state.extra[p]);
             to[i] = state.kind == Projection::sum ? sum : state.count[p] > 0 ? sum / state.count[p] : none;

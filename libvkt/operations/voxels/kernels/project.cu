@@ -22,7 +22,7 @@ struct Image {
     std::byte* extremes;
     std::int64_t* whole;
     Int128* wide;
-    double *value, *extra, *count;
+    double *value, *extra, *count, *scale;
 };
 
 /// What adding a voxel needs besides.
@@ -111,9 +111,13 @@ template <class T> struct Real {
     }
 };
 
-/// Means and sums of squared deviations from them (Welford).
+/// Means and sums of squared deviations from them (Welford). Float64 whose squares would overflow or lose bits are
+/// multiplied by a power of two, which the largest magnitude so far says.
 template <class T> struct Spread {
+    static constexpr bool scales = std::is_same_v<T, double>;
+    static constexpr double far_scale = 0x1p700;
     double mean = 0, squares = 0;
+    double scale = scales ? far_scale : 1;
     int count = 0; ///< lines of 2^31 voxels have no image
 
     __device__ void add(T voxel, Added& added) {
@@ -125,15 +129,32 @@ template <class T> struct Spread {
                 return;
             }
         }
-        auto const v = static_cast<double>(own);
+        auto v = static_cast<double>(own);
+        if constexpr (scales) {
+            double const size = fabs(v);
+            if (size >= 0x1p-300 && scale > 1) rescale(1);
+            if (size > 0x1p300 && scale > 1 / far_scale) rescale(1 / far_scale);
+            v *= scale;
+        }
         double const d = v - mean;
         mean += d * __ldg(added.share + count);
         squares += d * (v - mean);
         ++count;
     }
+    __device__ void rescale(double to) {
+        double const factor = to / scale;
+        mean *= factor;
+        squares *= factor;
+        squares *= factor;
+        scale = to;
+    }
     /// Of both together (Chan, Golub and LeVeque).
-    __device__ void merge(Spread const& other) {
+    __device__ void merge(Spread other) {
         if (other.count == 0) return;
+        if constexpr (scales) {
+            if (other.scale < scale) rescale(other.scale);
+            if (scale < other.scale) other.rescale(scale);
+        }
         auto const mine = static_cast<double>(count), others = static_cast<double>(other.count), n = mine + others;
         double const d = other.mean - mean;
         squares = (squares + other.squares) + d * d * (mine * others / n);
@@ -144,11 +165,13 @@ template <class T> struct Spread {
         mean = image.value[at];
         squares = image.extra[at];
         count = static_cast<int>(image.count[at]);
+        if constexpr (scales) scale = image.scale[at] == 0 ? 1 : image.scale[at];
     }
     __device__ void store(Image const& image, std::int64_t at) const {
         image.value[at] = mean;
         image.extra[at] = squares;
         image.count[at] = static_cast<double>(count);
+        if constexpr (scales) image.scale[at] = scale == 1 ? 0 : scale;
     }
 };
 
@@ -255,7 +278,7 @@ template <class S, class T> void add_lines(ProjectionState& state, ConstView in)
     if (state.kind == Projection::std)
         for (std::int64_t i = 0; i < state.dims[state.axis]; ++i) shares.push_back(1 / static_cast<double>(i + 1));
     driver::DeviceList<double> const share(shares);
-    Image const image{state.extremes, state.whole, state.wide, state.value, state.extra, state.count};
+    Image const image{state.extremes, state.whole, state.wide, state.value, state.extra, state.count, state.scale};
     driver::DeviceLosses const counts;
     std::int64_t const threads = lines.across * lines.down * (rows ? lanes : 1), blocks = (threads + block - 1) / block;
     if (blocks > 0x7fffffff)
@@ -302,7 +325,10 @@ struct Finish {
         if (image.whole != nullptr) return static_cast<double>(image.whole[p]) / length;
         if (image.wide != nullptr) return driver::wide_as_float<double>(image.wide[p]) / length;
         double const n = image.count[p];
-        if (kind == Projection::std) return n > 0 ? sqrt(image.extra[p] / n) : nan("");
+        if (kind == Projection::std) {
+            double const scale = image.scale == nullptr || image.scale[p] == 0 ? 1 : image.scale[p];
+            return n > 0 ? sqrt(image.extra[p] / n) / scale : nan("");
+        }
         double const sum = image.value[p] + (image.extra == nullptr ? 0 : image.extra[p]);
         return kind == Projection::sum ? sum : n > 0 ? sum / n : nan("");
     }
@@ -335,7 +361,7 @@ void project_add(ProjectionState& state, ConstView slab, Execution const&) {
 void project_store(ProjectionState& state, AnyView out, Losses& losses, Execution const&) {
     if (out.box.empty()) return;
     state.use(Space::device);
-    Finish const finish{{state.extremes, state.whole, state.wide, state.value, state.extra, state.count},
+    Finish const finish{{state.extremes, state.whole, state.wide, state.value, state.extra, state.count, state.scale},
                         driver::device_rows(out, out.box),
                         state.kind,
                         out.box.lower.y * state.row() + out.box.lower.x,

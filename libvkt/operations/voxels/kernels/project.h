@@ -23,6 +23,7 @@ struct ProjectionState {
     double* value = nullptr;       ///< sums of floats; means
     double* extra = nullptr;       ///< what rounding of those of float64 lost; sums of squared deviations
     double* count = nullptr;       ///< values so far: floats, and std
+    double* scale = nullptr;       ///< std of float64: values were multiplied by this power of two, or not if it is 0
     std::int64_t nan = 0;
 
     // Compiled once, since kernels for newer processors have such a state, too.
