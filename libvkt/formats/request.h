@@ -56,9 +56,12 @@ public:
     WriteOptions options() const;
 
 private:
+    void check_region(std::string const& path, std::string const& format) const;
+
     WriteOptions options_;
     std::optional<double> background_;
     std::optional<Vec3> chunk_, shard_;
+    std::optional<std::int64_t> index_;
 };
 
 } // namespace vkt
