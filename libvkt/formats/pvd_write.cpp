@@ -29,7 +29,7 @@ public:
     void begin(Header const& header) override {
         refuse_bricks(header, ".pvd collections");
         series_.add(header);
-        std::int64_t const time = time_of_last();
+        std::int64_t const time = series_.time_of_last();
         if (!image_ || time != time_) open(time);
         image_->begin(header);
     }
@@ -54,15 +54,6 @@ public:
     }
 
 private:
-    /// Of the volume that came last, which channel of it that may be.
-    std::int64_t time_of_last() const {
-        std::vector<SeriesAxis> const axes = series_.axes();
-        std::int64_t const number = series_.volumes() - 1;
-        if (axes.empty() || (axes.size() == 1 && !axes[0].time)) return 0;
-        if (axes.size() == 1) return number;
-        return axes[0].time ? number / axes[1].size() : number % axes[1].size();
-    }
-
     std::vector<double> list_of_times() const {
         for (SeriesAxis const& axis : series_.axes())
             if (axis.time) return times_of(axis);
