@@ -66,7 +66,7 @@ std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
 }
 
 std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,
-                                               std::function<void(Box const&)> on_region) const {
+                                               std::function<void(SteppedBox const&)> on_region) const {
     if (index_) source = selected(std::move(source), *index_);
     return vkt::region_of(std::move(source), roi_, world_roi_, std::move(on_region));
 }

@@ -154,10 +154,10 @@ def delete(
     threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def diff(
-    volume: Volume, other: Volume, *, tolerance: SupportsFloat = 0.0, geometry: bool = False, ssim: bool = False,
-    ssim_range: SupportsFloat | None = None, mutual_information: bool = False, bins: SupportsIndex | None = None,
-    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
-    slab: SupportsIndex = 0,
+    volume: Volume, other: Volume, *, roi: Region | None = None, tolerance: SupportsFloat = 0.0,
+    geometry: bool = False, ssim: bool = False, ssim_range: SupportsFloat | None = None,
+    mutual_information: bool = False, bins: SupportsIndex | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def distance(
     volume: Volume, *, signed: bool = False, unit: Literal['voxel', 'world'] = 'world', roi: Region | None = None,
