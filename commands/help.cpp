@@ -30,7 +30,7 @@ std::string format_table() {
                        format.description, "\n");
     }
     return result + "All but shm, amrex and zarr may be compressed as a whole: NAME.gz, .bz2, .xz, .zst;\n"
-                    "those of several files (.nhdr, .mhd, .hdr, .pvti) are not written so.\n"
+                    "those of several files (.nhdr, .mhd, .hdr, .pvti, .pvd) are not written so.\n"
                     "-o NAME/ writes a folder of DICOM slices, -o plt00000 an AMReX plotfile.\n"
                     "vkt-read(1) and vkt-write(1) say what of each.\n";
 }

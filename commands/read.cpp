@@ -30,8 +30,9 @@ public:
         if (path == "-" && input_is_terminal())
             throw Error(ErrorKind::usage, "no input: standard input is a terminal",
                         "name a file; see 'vkt read --help'");
-        return request_.region_of(context.open(path, request_.options()),
-                                  [detail = context.detail()](Box const& region) { detail(text("region ", region)); });
+        return request_.region_of(
+            context.open(path, request_.options()),
+            [detail = context.detail()](SteppedBox const& region) { detail(text("region ", region.box)); });
     }
 
 private:

@@ -26,7 +26,7 @@ except ImportError:  # VTK without ParaView: the decorators say nothing
 
 EXTENSIONS = [  # what vkt help formats lists, but for PNG
     "nrrd", "nhdr", "mha", "mhd", "raw", "nii", "hdr", "img", "mrc", "mrcs", "map", "ccp4", "npy", "npz", "flash",
-    "vdb", "tif", "tiff", "vti", "pvti", "vtk", "zarr", "zarr.zip", "dcm", "h5", "hdf5", "mat", "nc", "nii.gz",
+    "vdb", "tif", "tiff", "vti", "pvti", "pvd", "vtk", "zarr", "zarr.zip", "dcm", "h5", "hdf5", "mat", "nc", "nii.gz",
     "raw.gz"
 ]
 

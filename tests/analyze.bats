@@ -96,15 +96,111 @@ END
     vkt diff int16.vkt int16.hdr
     vkt set int16.vkt --origin 4.5,-3,-8 --direction 1,0,0,0,1,0,0,0,1 --units HU -o t.vkt
     vkt write t.vkt t.hdr --format analyze 2>err
-    grep -q 'do not hold the place, the directions, units' err
+    grep -q 'do not hold units' err
     fails_with 2 'cannot hold uint64' eval 'vkt make noise --dims 4 4 4 --dtype uint64 | vkt write u.hdr --format analyze'
     fails_with 4 'exists' vkt write int16.vkt int16.hdr --format analyze
 }
 
-@test "SPM's matrix beside a pair is not read, and info says so" {
-    vkt make noise --dims 5 4 3 --dtype int16 -o v.vkt
-    vkt set v.vkt --attribute 'space=right-anterior-superior' | vkt write - p.hdr --format analyze
-    run ! grep -q "p.mat" <(vkt info p.hdr)
-    printf 'MATLAB 5.0 MAT-file' >p.mat
-    vkt info p.hdr | grep "the place and direction in SPM's 'p.mat'"
+@test "SPM's matrix beside a pair gives its place: mat before M, versions and compression of MATLAB's files, as nibabel reads it" {
+    python_with nibabel scipy
+    /usr/bin/python3 - <<'END'
+import json, subprocess, warnings, numpy as np, nibabel, scipy.io as sio
+from nibabel.spm99analyze import Spm99AnalyzeImage
+rng = np.random.default_rng(6)
+warnings.simplefilter("ignore")
+def place(name):
+    info = json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+    info = info[0] if isinstance(info, list) else info
+    m = np.eye(4)
+    for a in range(3): m[:3, a] = np.array(info["direction"][a]) * info["spacing"][a]
+    m[:3, 3] = info["origin"]
+    return m, info
+def turned():
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    m = np.eye(4); m[:3, :3] = q @ np.diag([2, 3, 1.5]); m[:3, 3] = rng.normal(size=3) * 20
+    return m
+data = rng.integers(-99, 99, (5, 4, 3)).astype("i2")
+n = 0
+def check(name, sided):
+    want = Spm99AnalyzeImage.load(name + ".img").affine
+    for file in (name + ".hdr", name + ".img"):
+        got, info = place(file)
+        assert np.allclose(got, want, rtol=1e-12, atol=1e-9), (file, got, want)
+        assert ("orientation" in info["attributes"]) != sided and not info.get("not_read"), info
+nibabel.save(Spm99AnalyzeImage(data, turned()), "saved.img"); check("saved", True)
+for big in (False, True):
+    for names in (("M",), ("mat",), ("M", "mat"), ("mat", "note", "M")):
+        for version, packed in (("4", False), ("5", False), ("5", True)):
+            name = f"p{n}"; n += 1
+            nibabel.save(Spm99AnalyzeImage(data, np.diag([-2, 2, 2, 1])), name + ".img")
+            matrices = {k: "words" if k == "note" else turned() for k in names}
+            sio.savemat(name + ".mat", matrices, format=version, do_compression=packed)
+            if big and version == "4": # the order of bytes of a SPARC
+                out = b""
+                for k, v in matrices.items():
+                    if k == "note": continue
+                    out += np.array([1000, 4, 4, 0, len(k) + 1], ">i4").tobytes() + k.encode() + b"\0" + v.T.astype(">f8").tobytes()
+                open(name + ".mat", "wb").write(out)
+            check(name, "mat" in names)
+# Whole numbers in fewer bytes, single precision, one matrix for each volume.
+whole = np.array([[0, -2, 0, 30], [3, 0, 0, -50], [0, 0, 4, -70], [0, 0, 0, 1.]])
+for name, m in (("whole", whole.astype("i2")), ("single", turned().astype("f4"))):
+    nibabel.save(Spm99AnalyzeImage(data, np.diag([-2, 2, 2, 1])), name + ".img")
+    sio.savemat(name + ".mat", {"M": m}, format="4"); check(name, False)
+four = np.stack([data, data + 1], -1)
+nibabel.save(Spm99AnalyzeImage(four, np.diag([-2, 2, 2, 1])), "four.img")
+sio.savemat("four.mat", {"mat": np.stack([whole, whole], -1)}); check("four", True)
+sio.savemat("four.mat", {"mat": np.stack([whole, turned()], -1)})
+assert np.allclose(place("four.hdr")[0], Spm99AnalyzeImage.load("four.img").affine)
+# Damage ends in a place without it and never in a crash.
+import random
+random.seed(2)
+good = [open(f"p{i}.mat", "rb").read() for i in (2, 1, 0)]
+for i in range(150):
+    bad = bytearray(good[i % 3])
+    for _ in range(random.randint(1, 4)): bad[random.randrange(len(bad))] = random.randrange(256)
+    if i % 4 == 0: bad = bad[:random.randrange(len(bad))]
+    open("p0.mat", "wb").write(bad)
+    run = subprocess.run(["vkt", "stats", "p0.hdr"], capture_output=True, timeout=120)
+    assert run.returncode == 0, (i, run.stderr)
+END
+    vkt info four.hdr | grep "places of their own of all volumes but the first, in 'four.mat'"
+    printf 'MATLAB 5.0 MAT-file' >whole.mat
+    vkt info whole.hdr | grep "'whole.mat', which is no file of SPM's"
+    mkdir within && mv single.hdr single.img within && ln -s ../single.mat within/single.mat
+    vkt info within/single.hdr | grep "'single.mat', which leads out of its directory"
+}
+
+@test "a place that an Analyze header cannot hold is written as SPM's matrix, which replaces an older one" {
+    python_with nibabel scipy
+    vkt make noise --dims 6 5 4 --dtype int16 | vkt set --spacing 1.5,2,3 --origin 4,-5.25,6 --attribute 'space=left-posterior-superior' -o v.vkt
+    vkt rotate v.vkt --axis z --angle 30 --expand | vkt set --direction 0.6,0.8,0,-0.8,0.6,0,0,0,1 -o w.vkt
+    for name in v w; do
+        vkt write $name.vkt $name.hdr --format analyze 2>err
+        run ! grep -q 'place\|directions' err
+        vkt diff $name.vkt $name.hdr --geometry | grep -q 'same_geometry *yes'
+        vkt write $name.vkt $name.nii
+    done
+    /usr/bin/python3 - <<'END'
+import nibabel, numpy as np
+from nibabel.spm99analyze import Spm99AnalyzeImage
+for name in "vw":
+    a, b = Spm99AnalyzeImage.load(name + ".img"), nibabel.load(name + ".nii")
+    assert np.allclose(a.affine, b.affine, atol=1e-5) and np.array_equal(a.get_fdata(), b.get_fdata()), name
+END
+    # A matrix that is there would misplace what the header alone tells.
+    vkt make noise --dims 6 5 4 --dtype int16 | vkt set --spacing 2,2,2 --attribute 'space=right-anterior-superior' --direction -1,0,0,0,1,0,0,0,1 -o plain.vkt
+    vkt write plain.vkt plain.hdr --format analyze
+    [ ! -e plain.mat ]
+    vkt write plain.vkt w.hdr --format analyze --force
+    vkt diff plain.vkt w.hdr --geometry
+    [ -e w.mat ]
+    # What is no matrix of SPM's stays.
+    echo mine >v.mat
+    fails_with 4 "it is no file of SPM's" vkt write w.vkt v.hdr --format analyze --force
+    vkt write plain.vkt v.hdr --format analyze --force
+    [ "$(cat v.mat)" = mine ]
+    rm v.hdr v.img
+    cp w.mat v.mat
+    fails_with 4 'the file exists' vkt write w.vkt v.hdr --format analyze
 }

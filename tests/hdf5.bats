@@ -728,3 +728,121 @@ for name, how, others in (("old.h5", {}, 0), ("more.h5", {}, 200), ("new.h5", {"
     assert run.returncode == 3 and "FLASH" in run.stderr, (name, run)
 END
 }
+
+@test "a region of a dataset that is there: only its voxels change, how it is stored and all else of the file stay" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(16)
+whole = rng.integers(-999, 999, (20, 31, 33)).astype("i2")
+part = rng.integers(-999, 999, (9, 11, 13)).astype("i2")
+numpy.save("part.npy", part)
+def put(to, *options, source="part.npy"):
+    return subprocess.run(["vkt", "write", source, to, *options], capture_output=True, text=True)
+layouts = {"plain": {}, "chunked": {"chunks": (4, 7, 8)}, "packed": {"chunks": (4, 7, 8), "compression": "gzip", "shuffle": True, "fletcher32": True},
+           "flat": {"chunks": (1, 31, 33), "compression": "gzip"}}
+with h5py.File("f.h5", "w") as f:
+    for name, how in layouts.items():
+        d = f.create_dataset("g/" + name, data=whole, **how)
+        d.attrs["note"] = name
+    f["big"] = whole.astype(">i2"); f["four"] = numpy.stack([whole, whole + 1])
+    f["five"] = numpy.stack([numpy.stack([whole, whole + 1, whole + 2])] * 2)
+    f["other"] = numpy.arange(7.0); f.create_dataset("wave", data=whole.astype("c8"), chunks=(5, 5, 5))
+    f["soft"] = h5py.SoftLink("/g/chunked")
+before = open("f.h5", "rb").read()
+want = whole.copy(); want[8:17, 3:14, 20:33] = part
+for memory in ("1GiB", "40k", "1k"):  # by layers of chunks, by slices, by rows
+    for path in ("g/plain", "g/chunked", "g/packed", "g/flat", "big", "soft"):
+        open("f.h5", "wb").write(before)
+        run = put("f.h5:/" + path, "--at", "20,3,8", "--force", "--memory", memory)
+        assert run.returncode == 0, (path, run.stderr)
+        with h5py.File("f.h5") as f, h5py.File("before.h5", "w") as w:
+            open("old.h5", "wb").write(before)
+            with h5py.File("old.h5") as old:
+                d, o = f[path], old[path]
+                assert numpy.array_equal(d[()], want), (path, memory)
+                assert (d.dtype, d.chunks, d.compression, d.shuffle, d.fletcher32, dict(d.attrs)) == (o.dtype, o.chunks, o.compression, o.shuffle, o.fletcher32, dict(o.attrs))
+                names = []
+                f.visit(names.append)
+                for name in names:
+                    if isinstance(f[name], h5py.Dataset) and f[name] != d: assert numpy.array_equal(f[name][()], old[name][()]), name
+# One volume of several, several at once, the imaginary part.
+for at, number, source in (("0,0,0", 1, part), ("2,1,0", 4, numpy.stack([part, part + 1]))):
+    numpy.save("p.npy", source)
+    path = "five" if number == 4 else "four"
+    with h5py.File("f.h5") as f: w = f[path][()].reshape(-1, 20, 31, 33)
+    x, y, z = map(int, at.split(","))
+    for i, one in enumerate(source.reshape(-1, 9, 11, 13)): w[number + i, z:z + 9, y:y + 11, x:x + 13] = one
+    run = put("f.h5:/" + path, "--at", at, "--index", str(number), "--force", source="p.npy")
+    assert run.returncode == 0, run.stderr
+    with h5py.File("f.h5") as f: assert numpy.array_equal(f[path][()].reshape(-1, 20, 31, 33), w), path
+numpy.save("p.npy", part.astype("f4"))
+assert put("f.h5:/wave", "--at", "0,0,0", "--index", "1", "--force", source="p.npy").returncode == 0
+w = whole.astype("c8"); w[:9, :11, :13].imag = part
+with h5py.File("f.h5") as f: assert numpy.array_equal(f["wave"][()], w)
+# The same as vkt copy, by any reader of ours.
+open("f.h5", "wb").write(before)
+assert put("f.h5:/g/packed", "--at", "20,3,8", "--force").returncode == 0
+subprocess.check_call("vkt copy part.npy old.h5:/g/packed --at 20,3,8 | vkt diff - f.h5:/g/packed >/dev/null", shell=True)
+END
+    vkt make ramp --dims 30 20 10 --dtype uint8 | vkt set --spacing 2,2,3 -o ours.h5:/v
+    vkt crop ours.h5:/v --roi 5:10,4:9,3:6 | vkt flip x | vkt write ours.h5:/v --at 5,4,3 --force
+    vkt info ours.h5:/v | grep -q '^spacing *2 2 3$'
+    vkt history ours.h5:/v --as-shell >again.sh
+    grep -q -- 'vkt copy - <(.*) --at 5 4 3$' again.sh
+    bash again.sh | vkt diff - ours.h5:/v
+    [ -z "$(find . -name '.*vkt-*')" ]
+}
+
+@test "a region that cannot be written is refused, and nothing of the file is changed" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.zeros((4, 5, 6), "u1")
+with h5py.File("other.h5", "w") as f: f["g/d"] = data
+with h5py.File("f.h5", "w") as f:
+    f["d"] = data; f["float"] = data.astype("f4"); f["mask"] = data > 0; f["words"] = "text"; f["group/d"] = data
+    f.create_dataset("lzf", data=data, chunks=(2, 5, 6), compression="lzf")
+    f["scaled"] = data; f["scaled"].attrs["scale_factor"] = 2.0
+    f["out"] = h5py.ExternalLink("other.h5", "/g"); f["far"] = h5py.ExternalLink("other.h5", "/g/d"); f["by"] = h5py.SoftLink("/out")
+    f.create_dataset("elsewhere", shape=data.shape, dtype="u1", external=[("voxels.raw", 0, h5py.h5f.UNLIMITED)])
+    layout = h5py.VirtualLayout(data.shape, "u1"); layout[:] = h5py.VirtualSource("other.h5", "g/d", data.shape)
+    f.create_virtual_dataset("virtual", layout)
+open("voxels.raw", "wb").write(data.tobytes())
+numpy.save("part.npy", data[:2, :2, :2] + numpy.uint8(9))
+END
+    sha256sum f.h5 other.h5 voxels.raw >sums
+    fails_with 4 'is changed only with --force' vkt write part.npy f.h5:/d --at 0,0,0
+    fails_with 2 'is not there, and a region' vkt write part.npy f.h5:/new --at 0,0,0 --force
+    fails_with 4 'no such file to write into' vkt write part.npy new.h5:/d --at 0,0,0 --force
+    fails_with 2 'names no dataset' vkt write part.npy f.h5 --at 0,0,0 --force
+    fails_with 2 "'/group' is a group" vkt write part.npy f.h5:/group --at 0,0,0 --force
+    fails_with 2 'does not lie' vkt write part.npy f.h5:/d --at 5,0,0 --force
+    fails_with 2 'does not lie' vkt write part.npy f.h5:/d --at -1,0,0 --force
+    fails_with 2 'has 1 volume, and none of number 1' vkt write part.npy f.h5:/d --at 0,0,0 --index 1 --force
+    fails_with 2 'vkt convert --dtype float32' vkt write part.npy f.h5:/float --at 0,0,0 --force
+    fails_with 2 'holds values as 2' vkt write part.npy f.h5:/scaled --at 0,0,0 --force
+    fails_with 2 'not all bits count' vkt write part.npy f.h5:/mask --at 0,0,0 --force
+    fails_with 3 'holds' vkt write part.npy f.h5:/words --at 0,0,0 --force
+    fails_with 2 'filter 32000 (lzf), which is read and not written' vkt write part.npy f.h5:/lzf --at 0,0,0 --force
+    fails_with 2 'in which nothing is changed' vkt write part.npy f.h5:/elsewhere --at 0,0,0 --force
+    fails_with 2 'in which nothing is changed' vkt write part.npy f.h5:/virtual --at 0,0,0 --force
+    fails_with 2 "'/out' leads to another file" vkt write part.npy f.h5:/out/d --at 0,0,0 --force
+    fails_with 3 "'/far' is a link to another file" vkt write part.npy f.h5:/far --at 0,0,0 --force
+    fails_with 2 'leave out --compress' vkt write part.npy f.h5:/d --at 0,0,0 --force --compress
+    fails_with 2 '--at is for HDF5 datasets' vkt write part.npy part.nrrd --at 0,0,0 --force
+    fails_with 2 '--index goes with --at' vkt write part.npy f.h5:/d --index 1 --force
+    # What joins a file neither follows links out of it.
+    fails_with 2 "write it there: -o other.h5:/g/d" vkt write part.npy f.h5:/out/d --force
+    fails_with 2 "'/by' leads to another file" vkt write part.npy f.h5:/by/new --force
+    # Whoever is killed or ends early leaves the file as it was.
+    vkt read part.npy | head -c 300 >cut.vkt
+    fails_with 3 'ended early' vkt write cut.vkt f.h5:/d --at 0,0,0 --force
+    mkfifo never
+    vkt write never f.h5:/d --at 0,0,0 --force & writer=$!
+    { vkt read part.npy | head -c 300; until [ -n "$(find . -name '.*vkt-*')" ]; do sleep 0.05; done; kill -9 $writer; } >never
+    wait $writer || true
+    until [ -z "$(find . -name '.*vkt-*')" ]; do sleep 0.05; done
+    sha256sum --quiet -c sums
+    vkt write part.npy f.h5:/far --force # the link goes, and what it led to stays
+    sha256sum other.h5 voxels.raw | diff - <(tail -2 sums)
+    vkt diff part.npy f.h5:/far
+}

@@ -355,3 +355,110 @@ for function in vkt.split, vkt.brick:
         assert "hierarchical" in str(e)
 EOF2
 }
+
+@test "every command of the program is a function, a method, or run by vkt.command()" {
+    vkt help --list >verbs
+    python <<'END'
+import vkt.filter, vkt.make
+def known(verb):
+    words = [word.replace("-", "_") for word in verb.split()]
+    place = getattr(vkt, words[0], None)
+    return hasattr(place, words[1]) or hasattr(vkt, "_".join(words)) if len(words) == 2 else place is not None
+others = {verb for verb in open("verbs").read().splitlines() if not known(verb)}
+assert hasattr(volume, "write") and hasattr(vkt, "set")
+# Volume.write and vkt.set; what is about the program itself and the machine; what makes several files or text.
+assert others == {"write", "set-header", "completion", "doctor", "help", "shm list", "shm remove", "stress", "chart", "history", "pipe"}, others
+END
+}
+
+@test "what only the program does: models for a picture, pictures compared and averaged, any command" {
+    vkt slim volume.nrrd --for 'render --size 64 --domain 0:500 --opacity 0,0.2 --unit-distance 1' --within 0.5 -o small.vkt
+    vkt render volume.nrrd --size 32 -o a.png
+    vkt render volume.nrrd --size 32 --step 2 -o b.png
+    vkt image mean a.png b.png -o mean.png
+    vkt image diff a.png b.png --json >diff.json || [ $? -eq 1 ]
+    vkt render volume.nrrd --size 32 --tiles 1/2 -o one.png
+    vkt render volume.nrrd --size 32 --tiles 2/2 -o two.png
+    vkt filter median volume.nrrd -o median.nrrd
+    mkdir scratch && export TMPDIR=$PWD/scratch
+    python <<'END'
+import json, pathlib, subprocess
+told = []
+small = vkt.slim(volume, for_="render --size 64 --domain 0:500 --opacity 0,0.2 --unit-distance 1", within=0.5, told=told)
+want = vkt.read("small.vkt")
+about = [{key: value for key, value in vkt.info(v).items() if key not in ("history", "volume", "format")} for v in (small, want)]
+assert about[0] == about[1] and len(told) == 3 and "times smaller" in told[0], (about, told)
+assert vkt.diff(vkt.resample(small, like=volume), vkt.resample(want, like=volume))["differing"] == 0
+def refused(code, words, call, *arguments, **options):
+    try: call(*arguments, **options)
+    except vkt.Error as error: assert error.exit_code == code and words in str(error), (error.exit_code, str(error))
+    else: raise AssertionError(words)
+refused(2, "--within -1", vkt.slim, volume, for_="filter gaussian --sigma 1", within=-1)
+refused(2, "did you mean", vkt.slim, volume, for_="filter gausian --sigma 1", within=1)
+# Pictures as files, bytes and arrays.
+d = json.loads(pathlib.Path("diff.json").read_text())
+a, b = vkt.render(volume, size=32), vkt.render(volume, size=32, step=2)
+for one, two in ("a.png", "b.png"), (pathlib.Path("a.png"), pathlib.Path("b.png").read_bytes()), (a, b), (a[..., :], "b.png"):
+    got = vkt.image_diff(one, two)
+    assert got.pop("equal") is False and got == d, (got, d)
+assert vkt.image_diff(a, a)["equal"] and vkt.image_diff("a.png", "b.png", tolerance=1)["equal"]
+refused(4, "cannot open", vkt.image_diff, "a.png", "none.png")
+assert vkt.image_diff(vkt.image_mean("a.png", "b.png"), "mean.png")["max_abs"] == 0
+assert vkt.image_mean(a, b, output="again.png") is None and vkt.image_diff("again.png", "mean.png")["max_abs"] == 0
+refused(4, "exists", vkt.image_mean, a, b, output="again.png")
+assert vkt.image_diff(vkt.image_join("one.png", "two.png"), "a.png")["max_abs"] == 0
+for bad in a.astype("f4"), a[0], 3:
+    try: vkt.image_diff(bad, a)
+    except TypeError: pass
+    else: raise AssertionError(bad)
+# Any command.
+assert vkt.command("history", "median.nrrd").strip() == subprocess.check_output(["vkt", "history", "median.nrrd"], text=True).strip()
+assert vkt.command("stats", volume, json=True)["mean"] == vkt.stats(volume)["mean"]
+assert vkt.diff(vkt.command("pipe", "flip x | crop --roi :,:,4:8", volume), vkt.crop(vkt.flip(volume, "x"), roi=":,:,4:8"))["differing"] == 0
+assert vkt.diff(vkt.command("flip", "x", volume.array), vkt.flip(vkt.Volume(volume.array), "x"))["differing"] == 0
+assert vkt.info(vkt.command("read", "small.vkt"))["dims"] == about[1]["dims"]
+refused(2, "did you mean 'vkt flip'", vkt.command, "flop", volume)
+refused(2, "there are two", vkt.command, "copy", volume, volume)
+END
+    # Nothing is left behind, and who has no program hears of it.
+    [ -z "$(ls scratch)" ]
+    mkdir alone && cp -r "$site/vkt" alone/
+    PATH=/nowhere PYTHONPATH=$PWD/alone LD_LIBRARY_PATH=$VKT_BUILD/libvkt /usr/bin/python3 -c '
+import vkt
+try: vkt.command("help")
+except vkt.Error as error: assert "the program vkt is not there" in str(error) and error.hint, error
+else: raise AssertionError'
+}
+
+@test "view opens a window, and says so where there is no display" {
+    (unset DISPLAY WAYLAND_DISPLAY && python <<'END'
+try: vkt.view(volume)
+except vkt.Error as error: assert error.exit_code == 2 and ("no display" in str(error) or "without the viewer" in str(error)), error
+else: raise AssertionError
+END
+    )
+    for what in Xvfb xdotool; do command -v $what >/dev/null || skip "$what is not installed"; done
+    (unset DISPLAY WAYLAND_DISPLAY && vkt view volume.nrrd) 2>&1 | grep -q 'without the viewer' && skip 'built without the viewer'
+    Xvfb -displayfd 7 -screen 0 400x300x24 -nolisten tcp -noreset 7>number >server.log 2>&1 3>&- &
+    server=$!
+    for _ in {1..100}; do [ -s number ] && break; sleep 0.1; done
+    [ -s number ] || skip "Xvfb does not start: $(tail -n 1 server.log)"
+    export DISPLAY=":$(cat number)"
+    for call in 'vkt.view(volume, size="64x48")' 'assert vkt.view("volume.nrrd", size="64x48", wait=False).wait() == 0'; do
+        echo "$call" | python 3>&- >log 2>&1 &
+        command=$!
+        window=
+        for _ in {1..150}; do
+            window=$(xdotool search --name '^vkt ' 2>/dev/null | head -n 1)
+            [ -n "$window" ] && xdotool windowfocus "$window" 2>/dev/null && break
+            sleep 0.1
+        done
+        [ -n "$window" ] || { cat log >&2; false; }
+        xdotool key q
+        wait "$command" || { cat log >&2; false; }
+    done
+}
+
+teardown() {
+    [ -z "${server:-}" ] || { kill "$server" 2>/dev/null && wait "$server"; } || true
+}

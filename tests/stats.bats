@@ -491,3 +491,56 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     fails_with 3 "fewer volumes than the input" vkt stats three.vkt --mask masks.vkt
     fails_with 3 "fewer volumes than the input" vkt stats two.vkt --mask <(vkt read ma.nrrd)
 }
+
+@test "steps in a region: stats, histogram and diff look at every n-th voxel, as behind crop, and name its place in the whole" {
+    python_with numpy
+    for dtype in uint8 int16 float32; do
+        vkt make noise --dims 23 17 11 --dtype $dtype --seed 3 | vkt set --spacing 0.5,1,2 --origin 1,2,3 -o v_$dtype.nrrd
+        vkt make noise --dims 23 17 11 --dtype $dtype --seed 4 | vkt set --spacing 0.5,1,2 --origin 1,2,3 -o w_$dtype.nrrd
+    done
+    vkt transform 'floor(v / 40)' v_uint8.nrrd --dtype uint8 -o labels.nrrd
+    vkt threshold v_uint8.nrrd --otsu -o mask.nrrd
+    /usr/bin/python3 - <<'END'
+import json, subprocess, numpy as np
+def told(line): return json.loads(subprocess.run(line, shell=True, capture_output=True, check=False).stdout)
+def box(roi): return tuple(slice(*(int(n) if n else None for n in part.split(":"))) for part in reversed(roi.split(",")))
+for dtype in ("uint8", "int16", "float32"):
+    v = f"v_{dtype}.nrrd"
+    a, b = (np.frombuffer(subprocess.check_output(f"vkt write {n}_{dtype}.nrrd - --format raw -q", shell=True), dtype).reshape(11, 17, 23) for n in "vw")
+    for roi in ("::2,::2,::2", "3::5,2:15,1::3", ":,:,4::6", "1:2,::16,:"):
+        part = a[box(roi)].astype("f8")
+        got = told(f"vkt stats {v} --roi {roi} --percentiles 5,50 --json")
+        want = told(f"vkt crop {v} --roi {roi} | vkt stats --percentiles 5,50 --json")
+        places = {key: (got.pop(key), want.pop(key)) for key in ("argmin", "argmax")}
+        assert got == want, (dtype, roi, got, want)
+        assert got["count"] == part.size and got["min"] == part.min() and np.isclose(got["mean"], part.mean())
+        for key, extreme in (("argmin", part.min()), ("argmax", part.max())):
+            x, y, z = places[key][0]
+            assert a[z, y, x] == extreme and (z, y, x) in {tuple(i) for i in np.argwhere(np.isin(np.arange(a.size).reshape(a.shape), np.arange(a.size).reshape(a.shape)[box(roi)]))}, (roi, key)
+        assert told(f"vkt read {v} | vkt stats --roi {roi} --percentiles 5,50 --json --slab 1 --threads 2")["mean"] == got["mean"]
+        for range in ("minmax", "p5:p95", "0:1"):
+            assert told(f"vkt histogram {v} --roi {roi} --range {range} --json") == told(f"vkt crop {v} --roi {roi} | vkt histogram --range {range} --json"), (roi, range)
+        w = f"w_{dtype}.nrrd"
+        for options in ("", "--mutual-information", "--ssim"):
+            got = told(f"vkt diff {v} {w} --roi {roi} {options} --json")
+            want = told(f"vkt diff <(vkt crop {v} --roi {roi}) <(vkt crop {w} --roi {roi}) {options} --json".join(("bash -c '", "'")))
+            first = got.pop("first", None); want.pop("first", None)
+            assert got == want, (roi, options, got, want)
+            differs = (a != b)[box(roi)]
+            assert got["differing"] == differs.sum()
+            if first: assert first == [sl.indices(n)[0] + i * sl.indices(n)[2] for sl, n, i in zip(reversed(box(roi)), a.shape[::-1], np.argwhere(differs)[0][::-1])], first
+        # Rows, masks and parts that are joined.
+        for axis in "xyz":
+            rows = told(f"vkt stats {v} --roi {roi} --per {axis} --json")["slices"]
+            along = {"x": 2, "y": 1, "z": 0}[axis]
+            assert [r[axis] for r in rows] == list(range_ for range_ in np.arange(a.shape[along])[box(roi)[along]]), (roi, axis)
+            assert np.allclose([r["mean"] for r in rows], part.mean(tuple(i for i in (0, 1, 2) if i != along)))
+        masked = told(f"vkt stats {v} --roi {roi} --mask mask.nrrd --labels labels.nrrd --json")
+        want = told(f"bash -c 'vkt stats <(vkt crop {v} --roi {roi}) --mask <(vkt crop mask.nrrd --roi {roi}) --labels <(vkt crop labels.nrrd --roi {roi}) --json'")
+        strip = lambda report: [{k: x for k, x in row.items() if not k.startswith("arg")} for row in report["labels"]]
+        assert strip(masked) == strip(want), (masked, want)
+    subprocess.check_call(f"vkt stats {v} --roi ::2,:,0:5 --mergeable --json >a.json && vkt stats {v} --roi ::2,:,5: --mergeable --json >b.json", shell=True)
+    joined, whole = told("vkt stats --merge a.json b.json --json"), told(f"vkt stats {v} --roi ::2,:,: --json")
+    assert joined["argmin"] == whole["argmin"] and joined["argmax"] == whole["argmax"] and joined["count"] == whole["count"], (joined, whole)
+END
+}

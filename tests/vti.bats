@@ -404,3 +404,121 @@ END
     printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nPOINT_DATA 4\nSCALARS s bit\n1 0 1 1\n' >bits.vtk
     fails_with 3 "holds no array of numbers, but array 's' of type bit, which is not read" vkt info bits.vtk
 }
+
+@test "collections (.pvd): a series is an image for each time, its times and places those of the series, and back" {
+    cat >make.py <<'END'
+from common import *
+import itertools
+rng = numpy.random.default_rng(5)
+def series(name, times, channels=(None,), order="tc", dtype="i2"):
+    """Volumes in this order, through vkt stack; returns {(time, channel): voxels}."""
+    all = {}
+    axes = {"t": times, "c": channels}
+    for i, key in enumerate(itertools.product(*(axes[a] for a in order))):
+        at = dict(zip(order, key))
+        v = rng.integers(-99, 99, (4, 5, 6)).astype(dtype)
+        all[at["t"], at["c"]] = v
+        numpy.save("v.npy", v)
+        said = ["--attribute", f"sequence position={at['t']}"] + (["--attribute", f"channel={at['c']}"] if at["c"] is not None else [])
+        subprocess.check_call(["vkt", "set", "v.npy", "--spacing", "0.5,1,2", "--origin", "3,4,5", *said, "-o", f"part{i:03}.nrrd", "--force"])
+    parts = [f"part{i:03}.nrrd" for i in range(len(all))]
+    subprocess.check_call(["vkt", "stack", *parts, "--along", "series", "-o", name])
+    return all
+END
+    /usr/bin/python3 - <<'END'
+from make import *
+import glob, xml.etree.ElementTree as tree
+def collection(name):
+    root = tree.parse(name).getroot()
+    assert root.tag == "VTKFile" and root.get("type") == "Collection" and root[0].tag == "Collection", name
+    return {float(d.get("timestep")): d.get("file") for d in root[0]}
+def arrays(name):
+    r = vtkXMLImageDataReader(); r.SetFileName(name); r.Update()
+    i = r.GetOutput()
+    assert i.GetSpacing() == (0.5, 1, 2) and i.GetOrigin() == (3, 4, 5) and i.GetDimensions() == (6, 5, 4)
+    p = i.GetPointData()
+    return {p.GetArrayName(k): numpy_support.vtk_to_numpy(p.GetArray(k)) for k in range(p.GetNumberOfArrays())}
+def read(name):
+    parts = [numpy.frombuffer(subprocess.check_output(f"vkt read {name} --index {i} | vkt write - --format raw", shell=True), info["dtype"])
+             for i, info in enumerate(infos(name))]
+    def said(info, what): return info["attributes"].get(what)
+    return {(float(said(i, "sequence position")), said(i, "channel")): v for i, v in zip(infos(name), parts)}
+for n, (times, channels, order) in enumerate((
+        ((0.5, 1.5, 2.5), (None,), "tc"), ((0, 1, 7.25), (None,), "tc"), ((3,), (None,), "tc"),
+        ((0, 2), ("0", "1", "2"), "tc"), ((0, 2, 4), ("0", "1"), "ct"), ((0, 2), ("red", "green"), "tc"), ((1, 5), ("red", "green", "blue"), "ct"))):
+    name = f"s{n}.pvd"
+    want = series(name, times, channels, order)
+    listed = collection(name)
+    assert sorted(listed) == sorted(times) and len(glob.glob(f"s{n}/*")) == len(times), listed
+    for t in times:
+        found = arrays(listed[t])
+        for k, c in enumerate(channels):
+            v = found[c] if c in ("red", "green", "blue") else found["values"]
+            v = v[:, k] if v.ndim == 2 else v
+            assert numpy.array_equal(v, want[t, c].ravel()), (name, t, c)
+    back = read(name)
+    assert len(back) == len(want)
+    for (t, c), v in want.items(): assert numpy.array_equal(back[t, c], v.ravel()), (name, t, c)
+    for i in infos(name): assert i["spacing"] == [0.5, 1, 2] and i["origin"] == [3, 4, 5] and i["format"] == "pvd"
+END
+    # What is there is replaced if it is nothing else.
+    fails_with 4 'the file exists' vkt write s0.pvd s1.pvd
+    vkt write s0.pvd s1.pvd --force && [ "$(ls s1)" = "$(printf 's1_%04d.vti\n' 0 1 2)" ]
+    touch s1/mine
+    fails_with 4 'holds files that are no VTK images' vkt write s0.pvd s1.pvd --force
+    fails_with 2 'a collection is several files' vkt write s0.pvd s9.pvd.gz
+    fails_with 2 'cannot go to a pipe' bash -c 'set -o pipefail; vkt write s0.pvd - --format pvd | cat'
+    vkt make ramp --dims 3 3 3 --dtype float16 -o half.vkt
+    fails_with 2 'cannot hold float16' vkt write half.vkt half.pvd
+    vkt read s0.pvd | head -c 1500 >cut.vkt
+    fails_with 3 'ended early' vkt write cut.vkt cut.pvd
+    [ ! -e cut.pvd ] && [ ! -e cut ] && [ ! -e half.pvd ] && [ -z "$(find . -name '.*vkt-*')" ]
+}
+
+@test "collections of others: order of times, pieces, parts of no one volume, names that lead away, damage" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import os, random
+os.makedirs("d/sub")
+rng = numpy.random.default_rng(3)
+want = {}
+for t in (10, 2, 2.5):
+    want[t] = rng.normal(size=(3, 4, 5)).astype("f4")
+    w = vtkXMLImageDataWriter(); w.SetFileName(f"d/sub/a{t}.vti"); w.SetInputData(image(want[t], spacing=(1, 2, 3), origin=(7, 8, 9))); w.Write()
+w = vtkXMLPImageDataWriter(); w.SetFileName("d/p.pvti"); w.SetInputData(image(want[10])); w.SetNumberOfPieces(2); w.SetStartPiece(0); w.SetEndPiece(1); w.Write()
+def put(name, *entries):
+    with open(name, "w") as f:
+        f.write('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>')
+        for e in entries: f.write("<DataSet " + " ".join(f'{k}="{v}"' for k, v in e.items()) + "/>")
+        f.write("</Collection></VTKFile>")
+put("d/a.pvd", *({"timestep": t, "group": "", "part": 0, "file": f"sub/a{t}.vti"} for t in (10, 2, 2.5)))
+got = infos("d/a.pvd")
+assert [i["attributes"]["sequence position"] for i in got] == ["2", "2.5", "10"] and all(i["spacing"] == [1, 2, 3] and i["origin"] == [7, 8, 9] for i in got)
+assert voxels("d/a.pvd", "--roi 1:3,:,1:") == b"".join(numpy.ascontiguousarray(want[t][1:, :, 1:3]).tobytes() for t in (2, 2.5, 10))
+assert voxels("d/a.pvd", "--index 1") == want[2.5].tobytes()
+put("one.pvd", {"file": "d/sub/a2.vti"}); put("pieces.pvd", {"timestep": 4, "file": "d/p.pvti"})
+assert voxels("one.pvd", "--roi :,:,:") == want[2].tobytes() and "sequence position" not in infos("one.pvd")[0]["attributes"]
+assert voxels("pieces.pvd", "--roi :,:,:") == want[10].tobytes()
+put("parts.pvd", {"timestep": 1, "part": 0, "file": "d/sub/a2.vti"}, {"timestep": 1, "part": 1, "file": "d/sub/a10.vti"})
+put("d/away.pvd", {"timestep": 1, "file": "../one.vti"}); put("none.pvd"); put("word.pvd", {"timestep": "now", "file": "x.vti"})
+put("absent.pvd", {"timestep": 1, "file": "x.vti"})
+open("mesh.vtu", "w").write('<VTKFile type="UnstructuredGrid" version="0.1"><UnstructuredGrid/></VTKFile>'); put("mesh.pvd", {"timestep": 1, "file": "mesh.vtu"})
+open("bomb.pvd", "w").write('<!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="Collection"><Collection/></VTKFile>')
+good = open("d/a.pvd", "rb").read()
+random.seed(4)
+for i in range(60):
+    bad = bytearray(good)
+    for _ in range(random.randint(1, 5)): bad[random.randrange(len(bad))] = random.randrange(256)
+    if i % 3 == 0: bad = bad[:random.randrange(30, len(bad))]
+    open("d/bad.pvd", "wb").write(bad)
+    run = subprocess.run(["vkt", "stats", "d/bad.pvd"], capture_output=True, timeout=120)
+    assert run.returncode in (0, 1, 2, 3, 4), (i, run.returncode, run.stderr)
+END
+    fails_with 3 'names several files at time 1' vkt info parts.pvd
+    fails_with 3 'which leads out of its directory' vkt info d/away.pvd
+    fails_with 3 'names no file' vkt info none.pvd
+    fails_with 3 'timestep="now" is no number' vkt info word.pvd
+    fails_with 4 "cannot open" vkt info absent.pvd
+    fails_with 3 'holds UnstructuredGrid, not ImageData' vkt info mesh.pvd
+    fails_with 3 'defines entities of its own' vkt info bomb.pvd
+}

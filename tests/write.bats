@@ -218,7 +218,7 @@ print(f"{name}{h:08x}")')
     [ ! -e new.raw ]
     vkt diff there/new.mhd ramp.vkt
     # Under another name: what lies beside the header that the link leads to is what counts.
-    for end in nhdr hdr pvti mhd; do
+    for end in nhdr hdr pvti pvd mhd; do
         rm -rf there/other*
         vkt write ramp.vkt there/other.$end
         ln -s there/other.$end alias.$end
@@ -438,7 +438,7 @@ for name in sys.argv[1:]:
     if lost != said or len(lines) != bool(lost): failed.append((name, "lost", lost - said, "kept", said - lost, write.stderr))
 sys.exit("\n".join(map(str, failed)) or 0)
 END
-    /usr/bin/python3 table.py a.nrrd b.nhdr c.mha d.nii e.mrc f.npy g.npz h.raw i.tif j.vti k.pvti l.vtk m.vdb n.dcm o/ p.h5 q.zarr r.zarr.zip analyze.hdr \
+    /usr/bin/python3 table.py a.nrrd b.nhdr c.mha d.nii e.mrc f.npy g.npz h.raw i.tif j.vti j.pvd k.pvti l.vtk m.vdb n.dcm o/ p.h5 q.zarr r.zarr.zip analyze.hdr \
         s.png t.pgm u.pfm v.exr w.vkt x.nrrd.gz y.seg.nrrd
     vkt write rich.vkt 'z%02d.png' --strict 2>err
     [ "$(wc -l <err)" -eq 1 ] # one line for many files, and no loss of a picture

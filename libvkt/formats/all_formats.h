@@ -21,6 +21,7 @@ Format numpy_format();
 Format pfm_format();
 Format pgm_format();
 Format png_format();
+Format pvd_format();
 Format raw_format();
 Format segment_format();
 Format tiff_format();

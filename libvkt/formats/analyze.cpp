@@ -6,12 +6,12 @@
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
-#include "libvkt/formats/choices.h"
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/spm_matrix.h"
 
 #include <array>
 #include <bit>
@@ -111,13 +111,32 @@ void place(Header& header, Fields const& f) {
 
 std::unique_ptr<Source> open_analyze(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     RawLayout layout = read_analyze(*bytes, options.trust_paths);
-    // What SPM keeps beside a pair places it anew.
-    std::filesystem::path const matrix = std::filesystem::path(bytes->name()).replace_extension(".mat");
+    return raw_source(std::move(bytes), std::move(layout));
+}
+
+/// What SPM keeps beside a pair places it anew.
+void place_by_matrix(RawLayout& layout, std::string const& header, bool trust_paths) {
+    namespace fs = std::filesystem;
+    std::string path = spm_matrix_beside(header);
+    std::string const name = fs::path(path).filename().string();
     std::error_code error;
-    std::vector<std::string> others;
-    if (std::filesystem::is_regular_file(matrix, error))
-        others.push_back(text("the place and direction in SPM's '", matrix.filename().string(), "'"));
-    return beside_others(raw_source(std::move(bytes), std::move(layout)), std::move(others));
+    if (!fs::is_regular_file(path, error)) return;
+    try {
+        path = beside(header, name, trust_paths);
+    } catch (Error const&) { // a link to elsewhere
+        layout.not_read.push_back(text("'", name, "', which leads out of its directory"));
+        return;
+    }
+    auto const matrix = read_spm_matrix(path);
+    if (!matrix) {
+        layout.not_read.push_back(
+            text("'", name, "', which is no file of SPM's: no map mat or M in MATLAB's version 4 or 5"));
+        return;
+    }
+    layout.header.geometry = matrix->geometry;
+    if (matrix->sided) layout.header.attributes.erase("orientation");
+    if (matrix->others_differ)
+        layout.not_read.push_back(text("places of their own of all volumes but the first, in '", name, "'"));
 }
 
 std::string analyze_type_name(DataType type) {
@@ -195,6 +214,8 @@ public:
             whole = whole && std::abs(at[a] - std::round(at[a])) < 1e-4 && at[a] > -n && at[a] < 2 * n - 1;
             middle = middle && at[a] == (n - 1) / 2;
         }
+        bool const plain = (whole || middle) && g.direction == Geometry{}.direction;
+        if (put_matrix(geometry_in("right-anterior-superior", header), plain)) g = {};
         if (whole || middle) {
             g.spacing = {1, 1, 1};
             g.origin = {};
@@ -211,8 +232,30 @@ public:
         tell_losses(options_, shown, "Analyze files", nothing_kept);
     }
 
+    void close() override {
+        if (matrix_) matrix_->commit();
+        HeaderAndVoxelsWriter::close();
+    }
+
 private:
+    /// SPM's file for what the header has no place for, and where there is one, which would misplace what is new.
+    bool put_matrix(Geometry const& geometry, bool plain) {
+        std::string const path = spm_matrix_beside(target());
+        std::error_code error;
+        bool const there = std::filesystem::exists(path, error), ours = !there || read_spm_matrix(path).has_value();
+        if (plain && (!there || !ours)) return false;
+        if (!ours)
+            throw Error(ErrorKind::io,
+                        text("cannot write '", path, "', the place of the volume: it is no file of SPM's"),
+                        "choose another name");
+        matrix_.emplace(path, options_.force);
+        std::string const bytes = spm_matrix_bytes(geometry);
+        matrix_->write(bytes.data(), bytes.size());
+        return true;
+    }
+
     WriteOptions options_;
+    std::optional<OutputFile> matrix_;
     bool begun_ = false;
 };
 
@@ -260,6 +303,7 @@ RawLayout read_analyze(ByteSource& bytes, bool trust_paths) {
     if (!(offset < 0x1p62) || offset != std::floor(offset)) fail(text("voxels cannot begin at byte ", offset));
     layout.byte_skip = static_cast<std::int64_t>(offset);
     find_image(layout, name, trust_paths);
+    place_by_matrix(layout, name, trust_paths);
     layout.header = in_utf8(std::move(layout.header));
     return layout;
 }

@@ -16,7 +16,8 @@ bool is_analyze(std::span<std::byte const> head);
 
 /// Reads the header and says what it means. The format does not say which end of x is left: as in SPM and nibabel x
 /// runs to the left, y to anterior and z to superior, and the world's origin is the voxel that SPM's field names, or
-/// the middle of the volume; an attribute says so. SPM's slope and intercept are taken. Throws Error{data}.
+/// the middle of the volume; an attribute says so. SPM's slope and intercept are taken, and the matrix in NAME.mat
+/// beside the pair, which gives the place and may say where left is. Throws Error{data}.
 RawLayout read_analyze(ByteSource& bytes, bool trust_paths);
 
 } // namespace vkt

@@ -247,8 +247,8 @@ std::vector<Format> const& formats() {
     static std::vector<Format> const list{
         nrrd_format(),  metaimage_format(), raw_format(),   nifti_format(), analyze_format(), mrc_format(),
         numpy_format(), npz_format(),       flash_format(), vdb_format(),   amrex_format(),   segment_format(),
-        tiff_format(),  vti_format(),       vtk_format(),   zarr_format(),  dicom_format(),   hdf5_format(),
-        png_format(),   pgm_format(),       pfm_format(),   exr_format()};
+        tiff_format(),  vti_format(),       pvd_format(),   vtk_format(),   zarr_format(),    dicom_format(),
+        hdf5_format(),  png_format(),       pgm_format(),   pfm_format(),   exr_format()};
     return list;
 }
 
@@ -304,9 +304,12 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
                     text("a file of that name is ./", path));
     if (!format->create) throw Error(ErrorKind::usage, text("format ", format->name, " can only be read"));
     Wrapper const wrapper = path == "-" || !is_one_file(*format) ? Wrapper::none : wrapper_of_name(path);
-    if (wrapper != Wrapper::none && lower_case(without_wrapper(path)).ends_with(".pvti"))
-        throw Error(ErrorKind::usage, text("'", path, "': an image in parts is several files"),
-                    "write .vti, or --compress");
+    if (std::string const name = lower_case(without_wrapper(path));
+        wrapper != Wrapper::none && (name.ends_with(".pvti") || name.ends_with(".pvd")))
+        throw Error(
+            ErrorKind::usage,
+            text("'", path, "': ", name.ends_with(".pvd") ? "a collection" : "an image in parts", " is several files"),
+            "write .vti, or --compress");
     // Those that are written in order see to gzip themselves, without a temporary file.
     if (wrapper == Wrapper::none || (wrapper == Wrapper::gzip && (format->in_gzip || format->name == "raw")))
         return format->create(path, options);

@@ -27,4 +27,8 @@ inline constexpr char const *position_attribute = "sequence_position", *units_at
 /// the order of its axes: spacing, origin, element_size_um; scale_factor, add_offset, units of NetCDF's conventions.
 std::unique_ptr<VolumeWriter> writer(std::string const& path, WriteOptions const& options);
 
+/// With options.at: writes volumes into a dataset that is there, chunk by chunk, as it is stored. All else of the file
+/// stays; a changed copy takes its name in the end.
+std::unique_ptr<VolumeWriter> region_writer(std::string const& path, WriteOptions const& options);
+
 } // namespace vkt::hdf5

@@ -5,13 +5,19 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/wrapper.h"
+#include "libvkt/io/system_error.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <filesystem>
-#include <unistd.h>
 #include <utility>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 namespace vkt {
 
@@ -72,49 +78,51 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) {
     if (format_.type_name(header.dtype).empty())
         throw Error(ErrorKind::usage, text(format_.name, " cannot hold ", header.dtype),
                     "convert first: vkt convert --dtype float32");
-    if (volumes_ == 0) return;
-    if (!same_lattice(first_, header)) {
+    if (volumes_ > 0 && !same_lattice(first_, header)) {
         bool const slices = first_.dims == header.dims && first_.dims.z == 1 && first_.dtype == header.dtype;
         throw Error(ErrorKind::usage,
                     text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
                     slices ? "slices make one volume: name their folder, or order them with vkt stack"
                            : "write one file each: " + each);
     }
-    std::optional<double> const at = position_of(header), first = position_of(first_);
-    if (at && first && !other_channel(header, first_)) {
-        if (!step_) step_ = (*at - *first) / static_cast<double>(volumes_); // the second one tells
-        if (std::abs(*first + *step_ * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step_))
-            throw Error(ErrorKind::usage,
-                        text("volume ", volumes_, " lies at ", *at, ", not ", *step_,
-                             " behind the one before it, which one ", format_.name, " file cannot say"),
-                        "write one file each: " + each);
-    }
-    if (!header_file_ && data_file_->in_place())
+    if (volumes_ > 0 && !header_file_ && data_file_->in_place())
         throw Error(ErrorKind::usage,
                     text(format_.name, " on a pipe cannot hold several volumes, since their number comes first"),
                     "write a file, or one file each: " + each);
 }
 
-/// Channels inside of times, which no axis of these formats can say: their volumes are one series of all.
-bool HeaderAndVoxelsWriter::mixed() const {
+/// One axis knows a first place and a step.
+void HeaderAndVoxelsWriter::check_place(Header const& header) {
+    std::optional<double> const at = position_of(header), first = position_of(first_);
+    // All channels have the times of the first one.
+    bool const other = axes_ ? axes_->channel_of_last() > 0 : other_channel(header, first_);
+    std::int64_t const time = axes_ ? axes_->time_of_last() : volumes_;
+    if (!at || !first || time == 0 || other) return;
+    if (!step_) step_ = (*at - *first) / static_cast<double>(time); // the second one tells
+    if (std::abs(*first + *step_ * static_cast<double>(time) - *at) > 1e-3 * std::abs(*step_))
+        throw Error(ErrorKind::usage,
+                    text("volume ", volumes_, " lies at ", *at, ", not ", *step_,
+                         " behind the one before it, which one ", format_.name, " file cannot say"),
+                    text("write one file each: name it like out_%04d", format_.attached));
+}
+
+/// Channels inside of times: the file has them the other way round.
+bool HeaderAndVoxelsWriter::turned() const {
     if (!axes_) return false;
     std::vector<SeriesAxis> const axes = axes_->axes();
     return axes.size() > 1 && axes.front().time;
 }
 
 std::int64_t HeaderAndVoxelsWriter::channels() const {
-    std::vector<SeriesAxis> const axes = axes_ ? axes_->axes() : std::vector<SeriesAxis>{};
-    return axes.empty() || axes.front().time ? 1 : axes.front().size();
+    for (SeriesAxis const& axis : axes_ ? axes_->axes() : std::vector<SeriesAxis>{})
+        if (!axis.time) return axis.size();
+    return 1;
 }
 
 std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
-    Header first = first_;
-    if (mixed())
-        for (char const* const what : {"sequence position", "sequence step", "intent_code"})
-            first.attributes.erase(what);
     std::int64_t const compressed = !options_.compress ? -1 : deflate_ ? deflate_->bytes_written() : 0;
     bool const last_word = !header_file_ && data_file_->in_place();
-    return format_.text({first, volumes_, compressed, data_name_, length, last_word, channels()});
+    return format_.text({first_, volumes_, compressed, data_name_, length, last_word, channels()});
 }
 
 /// Of a header that has room for the distance of volumes that say where they lie, but not how far from each other; 0:
@@ -130,6 +138,7 @@ std::size_t HeaderAndVoxelsWriter::length_for_series() const {
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
     if (axes_) axes_->add(header);
+    if (volumes_ > 0) check_place(header);
     data_file_->expect(deflate_ || options_.compress ? least_deflated(header.bytes()) : header.bytes());
     if (volumes_++ > 0) {
         // There is one line for all, in a header of a length that is fixed.
@@ -168,23 +177,74 @@ void HeaderAndVoxelsWriter::take_common(Header header) {
         if (name != "channel" || !numbered) differing_.push_back(std::move(name));
 }
 
+/// Of all volumes some bytes at a time: where these stand changes, and nothing else.
+void HeaderAndVoxelsWriter::put_in_order() {
+    auto const n = static_cast<std::size_t>(volumes_), channels = static_cast<std::size_t>(this->channels());
+    std::size_t const size = first_.bytes(), budget = options_.memory.value_or(default_memory()) / 8;
+    std::size_t const most = std::clamp<std::size_t>(budget / n, 1, size);
+    std::vector<std::byte> held(n * most);
+    auto const begin = static_cast<std::int64_t>(header_length_); // 0 if the voxels are apart
+    for (std::size_t at = 0; at < size; at += most) {
+        std::size_t const count = std::min(most, size - at);
+        for (std::size_t v = 0; v < n; ++v)
+            read_back(begin + static_cast<std::int64_t>(v * size + at), held.data() + v * count, count);
+        for (std::size_t v = 0; v < n; ++v) {
+            std::size_t const place = v % channels * (n / channels) + v / channels;
+            data_file_->write_at(begin + static_cast<std::int64_t>(place * size + at), held.data() + v * count, count);
+        }
+    }
+}
+
+void HeaderAndVoxelsWriter::read_back(std::int64_t position, std::byte* to, std::size_t n) const {
+    while (n > 0) {
+        ssize_t const done = ::pread(data_file_->descriptor(), to, n, position);
+        if (done < 0 && errno == EINTR) continue;
+        if (done <= 0) throw system_error(text("cannot read '", data_file_->path(), "' back"));
+        to += done;
+        position += done;
+        n -= static_cast<std::size_t>(done);
+    }
+}
+
+/// What is compressed as a whole is unpacked to a file without a name, and compressed anew.
+void HeaderAndVoxelsWriter::compress_in_order() {
+    int const descriptor = ::fcntl(data_file_->descriptor(), F_DUPFD_CLOEXEC, 3);
+    if (descriptor < 0) throw system_error(text("cannot read '", data_file_->path(), "' back"));
+    ::lseek(descriptor, 0, SEEK_SET);
+    auto const plain =
+        seekable_bytes(unwrapped(std::make_unique<ByteSource>(descriptor, data_file_->path()), Wrapper::gzip));
+    std::string const head = header_text(header_length_), path = data_file_->path();
+    deflate_.reset();
+    data_file_.emplace(path, options_.force);
+    deflate_.emplace(*data_file_, DeflateWriter::Wrapper::gzip, options_);
+    deflate_->store(head);
+    std::int64_t const channels = this->channels(), size = static_cast<std::int64_t>(first_.bytes());
+    constexpr std::int64_t block = std::int64_t{1} << 20;
+    std::vector<std::byte> held(static_cast<std::size_t>(std::min(block, size)));
+    for (std::int64_t i = 0; i < volumes_; ++i) {
+        std::int64_t const times = volumes_ / channels, volume = i % times * channels + i / times;
+        for (std::int64_t at = 0; at < size; at += block) {
+            auto const n = static_cast<std::size_t>(std::min(block, size - at));
+            plain->read_at(static_cast<std::int64_t>(header_length_) + volume * size + at, held.data(), n);
+            deflate_->write(held.data(), n);
+        }
+    }
+    deflate_->finish();
+}
+
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
     if (axes_) axes_->finish();
-    if (volumes_ > 1 && step_.value_or(0) != 0 && position_of(first_) && !mixed())
+    if (volumes_ > 1 && step_.value_or(0) != 0 && position_of(first_))
         first_.attributes.insert({"sequence step", to_text(*step_)});
-    if (mixed()) {
-        std::erase(differing_, "channel");
-        differing_.emplace_back("channel");
-        for (char const* const what : {"sequence position", "sequence step"})
-            if (first_.attributes.contains(what)) differing_.emplace_back(what);
-    }
     if (!differing_.empty() && options_.notice)
         options_.notice(text("one ", format_.name, " file does not hold attributes that differ between its volumes (",
                              join(differing_, ", "), "): not kept"));
     if (whole_ && volumes_ > 1) deflate_->restore(header_text(header_length_));
     if (deflate_) deflate_->finish();
+    if (whole_ && turned()) compress_in_order();
     if (whole_) return data_file_->commit();
+    if (turned()) put_in_order();
     if (header_file_) {
         std::string const head = header_text(0);
         header_file_->write(head.data(), head.size());

@@ -35,7 +35,9 @@ struct HeaderFormat {
     std::string (*type_name)(DataType); ///< empty for types that the format does not have
     std::string (*text)(HeaderText const&);
     bool private_values = false; ///< the map of values is kept in a place that only vkt reads
-    bool channel_axis = false;   ///< channels lie along an axis of their own, outside of times
+    /// Channels lie along an axis of their own, outside of times; what comes the other way round is put in order at
+    /// the end.
+    bool channel_axis = false;
 };
 
 /// Volumes of one lattice become one file, of which NAME.gz is compressed as a whole, the header behind a block of
@@ -56,11 +58,15 @@ protected:
 
 private:
     void check_volume(Header const& header);
+    void check_place(Header const& header);
     std::size_t length_for_series() const;
     void take_common(Header header);
     std::string header_text(std::size_t length) const;
-    bool mixed() const;
+    bool turned() const;
     std::int64_t channels() const;
+    void put_in_order();
+    void read_back(std::int64_t position, std::byte* to, std::size_t n) const;
+    void compress_in_order();
 
     HeaderFormat format_;
     WriteOptions options_;

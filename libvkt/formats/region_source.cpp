@@ -21,7 +21,8 @@ constexpr std::size_t most_scratch = std::size_t{4} << 20;
 
 class RegionSource : public SourceDecorator {
 public:
-    RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi, std::function<void(Box const&)> on_region)
+    RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi,
+                 std::function<void(SteppedBox const&)> on_region)
         : SourceDecorator(std::move(source)), roi_(std::move(roi)), world_roi_(std::move(world_roi)),
           on_region_(std::move(on_region)), narrowed_(inner().narrow(roi_, world_roi_)) {}
 
@@ -51,7 +52,7 @@ private:
 
     Roi roi_;
     WorldRoi world_roi_;
-    std::function<void(Box const&)> on_region_;
+    std::function<void(SteppedBox const&)> on_region_;
     Header header_;
     SteppedBox region_;
     std::vector<std::byte> scratch_;    ///< rows of the source that have steps
@@ -72,7 +73,7 @@ bool RegionSource::next_volume() {
         region_ = roi_.resolve_steps(header_.dims);
     std::optional<History> history = header_.history;
     if (history) history = folded({{"crop", "--roi", to_text(region_)}, {*history}});
-    if (on_region_) on_region_(region_.box);
+    if (on_region_) on_region_(region_);
     if (tree) {
         if (!narrowed_ && !header_.dry_run) {
             tree_ = crop_tree(inner().take_bricks(), region_.box);
@@ -111,7 +112,7 @@ void RegionSource::read_steps(AnyView const& out) {
 } // namespace
 
 std::unique_ptr<Source> region_of(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi,
-                                  std::function<void(Box const&)> on_region) {
+                                  std::function<void(SteppedBox const&)> on_region) {
     if (roi.empty() && world_roi.empty()) return source;
     return std::make_unique<RegionSource>(std::move(source), std::move(roi), std::move(world_roi),
                                           std::move(on_region));

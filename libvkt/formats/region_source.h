@@ -14,6 +14,6 @@ namespace vkt {
 /// is that of the source. Histories get the step `crop --roi`. Throws Error{usage} for hierarchical volumes.
 /// `on_region` is told the region of each volume, in its voxels; may be empty.
 std::unique_ptr<Source> region_of(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi,
-                                  std::function<void(Box const&)> on_region = {});
+                                  std::function<void(SteppedBox const&)> on_region = {});
 
 } // namespace vkt

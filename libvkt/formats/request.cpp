@@ -66,7 +66,7 @@ std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
 }
 
 std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,
-                                               std::function<void(Box const&)> on_region) const {
+                                               std::function<void(SteppedBox const&)> on_region) const {
     if (index_) source = selected(std::move(source), *index_);
     return vkt::region_of(std::move(source), roi_, world_roi_, std::move(on_region));
 }
@@ -83,6 +83,9 @@ void WriteRequest::declare(Parameters& p) {
     p.option("chunk", chunk_, "N", "Zarr: voxels of a chunk, one number or X,Y,Z (default 64)");
     p.option("shard", shard_, "N", "Zarr 3: voxels of a file of several chunks, one number or X,Y,Z");
     p.option("codec", options_.zarr.codec, "C", "Zarr: what compresses; --compress is blosc, or the best there is");
+    p.option("at", options_.at, "X Y Z",
+             "HDF5: into the dataset that is there, beginning at this voxel; all else of the file stays");
+    p.option("index", index_, "N", "with --at: the volume of several that is written to, counted from 0");
     p.flag("force", options_.force, "overwrite an existing output file");
 }
 
@@ -108,6 +111,9 @@ void WriteRequest::check(std::string const& path) const {
         for (int a = 0; a < 3; ++a)
             if ((*shard_)[a] < (*chunk_)[a])
                 throw Error(ErrorKind::usage, text("--shard ", *shard_, " is smaller than --chunk ", *chunk_));
+    if (index_ && !options_.at) throw Error(ErrorKind::usage, "--index goes with --at");
+    if (index_ && *index_ < 0) throw Error(ErrorKind::usage, text("--index ", *index_, " is negative"));
+    if (options_.at) check_region(path, format);
     if (!sparse && (background_ || options_.prune))
         throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
                     "e.g. vkt write out.vdb --prune 0.01");
@@ -115,8 +121,25 @@ void WriteRequest::check(std::string const& path) const {
         throw Error(ErrorKind::usage, text("--prune ", *options_.prune, " is negative"));
 }
 
+/// A region is written into a dataset that is there, in its way of being stored.
+void WriteRequest::check_region(std::string const& path, std::string const& format) const {
+    if (format != "hdf5")
+        throw Error(ErrorKind::usage, "--at is for HDF5 datasets",
+                    text("write all of it again: vkt copy PART ", shell_quoted(path), " --at ... -o ",
+                         shell_quoted(path), " --force"));
+    if (file_part(path).part.empty())
+        throw Error(ErrorKind::usage, text("--at: '", path, "' names no dataset"),
+                    text("e.g. vkt write part.nrrd ", shell_quoted(path + ":/data"), " --at 0,0,0 --force"));
+    if (options_.compress)
+        throw Error(ErrorKind::usage, "--at: the dataset is compressed as it was", "leave out --compress");
+    if (!options_.force)
+        throw Error(ErrorKind::io, text("'", path, "' is changed only with --force"),
+                    "all of the file but these voxels stays");
+}
+
 WriteOptions WriteRequest::options() const {
     WriteOptions options = options_;
+    options.at_volume = index_.value_or(0);
     options.background = background_;
     if (chunk_) options.zarr.chunk = voxels_of(*chunk_, "--chunk");
     if (shard_) options.zarr.shard = voxels_of(*shard_, "--shard");

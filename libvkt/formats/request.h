@@ -39,7 +39,7 @@ public:
     ReadOptions options() const;
     /// The volumes of a source, and the part of each, that were asked for; `on_region` as in region_source.h.
     std::unique_ptr<Source> region_of(std::unique_ptr<Source> source,
-                                      std::function<void(Box const&)> on_region = {}) const;
+                                      std::function<void(SteppedBox const&)> on_region = {}) const;
 
 private:
     ReadOptions options_;
@@ -56,9 +56,12 @@ public:
     WriteOptions options() const;
 
 private:
+    void check_region(std::string const& path, std::string const& format) const;
+
     WriteOptions options_;
     std::optional<double> background_;
     std::optional<Vec3> chunk_, shard_;
+    std::optional<std::int64_t> index_;
 };
 
 } // namespace vkt

@@ -107,6 +107,16 @@ std::vector<SeriesAxis> SeriesAxes::axes() const {
     return {outer_, inner_};
 }
 
+std::int64_t SeriesAxes::last_along(bool time) const {
+    if (volumes_ < 2) return 0;
+    std::int64_t const number = volumes_ - 1;
+    if (inner_.time == time) return number % inner_.size();
+    return outer_.size() > 1 ? number / inner_.size() : 0;
+}
+
+std::int64_t SeriesAxes::time_of_last() const { return last_along(true); }
+std::int64_t SeriesAxes::channel_of_last() const { return last_along(false); }
+
 std::vector<std::int64_t> SeriesAxes::extents() const {
     if (volumes_ < 2) return {};
     if (outer_.size() == 1) return {inner_.size()};

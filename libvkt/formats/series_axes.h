@@ -49,6 +49,9 @@ public:
     /// Slowest first, so far; none of a single volume.
     std::vector<SeriesAxis> axes() const;
     std::vector<std::int64_t> extents() const;
+    /// Where the last volume lies along times and channels, counted from 0; 0 along what there is not.
+    std::int64_t time_of_last() const;
+    std::int64_t channel_of_last() const;
     bool has_channels() const { return volumes_ > 1 && (!inner_.time || outer_.size() > 1); }
     /// Of the first volume, with the attributes that all have in common and the axes do not tell.
     Header const& header() const { return header_; }
@@ -57,6 +60,7 @@ public:
 
 private:
     void place(std::string const& channel, std::string const& position);
+    std::int64_t last_along(bool time) const;
     [[noreturn]] void no_grid() const;
 
     std::string file_, extension_;

@@ -56,25 +56,6 @@ char const* vtk_type(DataType type) {
     return nullptr;
 }
 
-std::string xml_escaped(std::string const& words) {
-    std::string result;
-    for (char const c : words) {
-        if (c == '&')
-            result += "&amp;";
-        else if (c == '<')
-            result += "&lt;";
-        else if (c == '>')
-            result += "&gt;";
-        else if (c == '"')
-            result += "&quot;";
-        else if (static_cast<unsigned char>(c) < ' ')
-            result += ' ';
-        else
-            result += c;
-    }
-    return result;
-}
-
 std::string extent_text(Index3 dims, std::int64_t lower) {
     return text("0 ", dims.x - 1, " 0 ", dims.y - 1, " ", lower, " ", lower + dims.z - 1);
 }
@@ -371,10 +352,10 @@ private:
 class PvtiWriter : public VolumeWriter {
 public:
     PvtiWriter(std::string const& path, WriteOptions const& options)
-        : options_(options), file_(path, options.force), folder_(stem_of(file_)) {
+        : options_(options), file_(path, options.force), folder_(folder_beside(file_.target(), ".pvti")) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': images in parts cannot go to a pipe"), "write .vti");
-        directory_.emplace(folder_, options.force, holds_pieces, "pieces of VTK images");
+        directory_.emplace(folder_, options.force, holds_only_vti, "pieces of VTK images");
         options_.force = false;
     }
 
@@ -436,18 +417,7 @@ private:
         std::unique_ptr<VtiWriter> writer;
     };
 
-    static std::string stem_of(OutputFile const& file) {
-        std::string const& name = file.target();
-        return lower_case(name).ends_with(".pvti") ? name.substr(0, name.size() - 5) : name + ".pieces";
-    }
     static std::string name_of(std::string const& path) { return std::filesystem::path(path).filename().string(); }
-    static bool holds_pieces(std::string const& path) {
-        std::error_code error;
-        for (auto const& entry : std::filesystem::directory_iterator(path, error))
-            if (!entry.is_regular_file(error) || entry.path().extension() != ".vti") return false;
-        return !error;
-    }
-
     void open(Piece& piece, std::int64_t i) {
         Header part = header_;
         part.dims.z = piece.end - piece.first;
@@ -469,9 +439,43 @@ private:
 
 } // namespace
 
+std::string xml_escaped(std::string const& words) {
+    std::string result;
+    for (char const c : words) {
+        if (c == '&')
+            result += "&amp;";
+        else if (c == '<')
+            result += "&lt;";
+        else if (c == '>')
+            result += "&gt;";
+        else if (c == '"')
+            result += "&quot;";
+        else if (static_cast<unsigned char>(c) < ' ')
+            result += ' ';
+        else
+            result += c;
+    }
+    return result;
+}
+
+std::string folder_beside(std::string const& file, std::string const& extension) {
+    return lower_case(file).ends_with(extension) ? file.substr(0, file.size() - extension.size()) : file + ".pieces";
+}
+
+bool holds_only_vti(std::string const& folder) {
+    std::error_code error;
+    for (auto const& entry : std::filesystem::directory_iterator(folder, error))
+        if (!entry.is_regular_file(error) || entry.path().extension() != ".vti") return false;
+    return !error;
+}
+
+std::unique_ptr<VolumeWriter> vti_writer(std::string const& path, WriteOptions const& options) {
+    return std::make_unique<VtiVolumesWriter>(path, options);
+}
+
 std::unique_ptr<Sink> create_vti(std::string const& path, WriteOptions const& options) {
     if (lower_case(path).ends_with(".pvti")) return slab_sink(std::make_unique<PvtiWriter>(path, options));
-    return slab_sink(std::make_unique<VtiVolumesWriter>(path, options));
+    return slab_sink(vti_writer(path, options));
 }
 
 } // namespace vkt

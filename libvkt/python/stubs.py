@@ -129,7 +129,7 @@ def stubs():
                "Value = str | SupportsFloat | Numbers | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
                "Region = str | Sequence[builtins.slice | SupportsIndex | Sequence[SupportsFloat | None]] | Array\n"
                "__version__: str\n")
-    files["__init__.pyi"] = (HEAD + "import builtins\n" + IMPORTS + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
+    files["__init__.pyi"] = (HEAD + "import builtins\n" + IMPORTS.replace("import os\n", "import os\nimport subprocess\n") + "from . import filter as filter, make as make\n\n" + aliases + "\n" +
                              "\n".join(classes) + "\n" + "\n".join(stub(getattr(vkt, name)) for name in functions) + "\n")
     return files
 

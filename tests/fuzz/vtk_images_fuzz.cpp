@@ -1,9 +1,9 @@
-// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, and legacy files.
+// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, legacy files, and lists of images.
 // SPDX-License-Identifier: MIT
 #include "tests/fuzz/volume_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size) {
-    for (char const* const format : {"vti", "vtk"}) {
+    for (char const* const format : {"vti", "vtk", "pvd"}) {
         vkt::ReadOptions options;
         options.format = format;
         try {

@@ -72,7 +72,8 @@ void ChosenDataset::find_axes(ParsedGrids& grids) {
             fail(text("dataset '", path_, "' is of more volumes than any file can have"));
 }
 
-void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
+/// Marks a box of one volume in the space of the dataset, and returns that of its voxels in memory.
+Handle ChosenDataset::select(std::int64_t volume, Box const& box) const {
     std::vector<hsize_t> start(shape_.size(), 0), count(shape_.size(), 1);
     for (int a = 0; a < 3; ++a)
         if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0) {
@@ -85,12 +86,37 @@ void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
         start[k] = rest % shape_[k];
         rest /= shape_[k];
     }
-    // Of the same shape: HDF5 looks up the chunk of every element otherwise, thirty times as long.
-    Handle const memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose),
-        type = parts_ > 1 ? part_type(*type_, static_cast<int>(volume % parts_)) : memory_type(*type_);
     H5Sselect_hyperslab(*space_, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    // Of the same shape: HDF5 looks up the chunk of every element otherwise, thirty times as long.
+    return {H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose};
+}
+
+/// Of one volume, in memory.
+Handle ChosenDataset::voxel_type(std::int64_t volume) const {
+    return parts_ > 1 ? part_type(*type_, static_cast<int>(volume % parts_)) : memory_type(*type_);
+}
+
+void ChosenDataset::read(std::int64_t volume, Box const& box, std::byte* to) {
+    Handle const memory = select(volume, box), type = voxel_type(volume);
     if (H5Dread(*data_, type, memory, *space_, H5P_DEFAULT, to) < 0)
         fail("damaged: voxels cannot be read, or are compressed in a way that this HDF5 does not know");
+}
+
+bool ChosenDataset::write(std::int64_t volume, Box const& box, std::byte const* from) {
+    Handle const memory = select(volume, box), type = voxel_type(volume);
+    return H5Dwrite(*data_, type, memory, *space_, H5P_DEFAULT, from) >= 0;
+}
+
+Index3 ChosenDataset::chunk() const {
+    Handle const creation(H5Dget_create_plist(*data_), H5Pclose);
+    std::vector<hsize_t> extents = shape_;
+    if (H5Pget_layout(creation) == H5D_CHUNKED)
+        H5Pget_chunk(creation, static_cast<int>(extents.size()), extents.data());
+    Index3 result{1, 1, 1};
+    for (int a = 0; a < 3; ++a)
+        if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0)
+            result[a] = static_cast<std::int64_t>(extents[static_cast<std::size_t>(k)]);
+    return result;
 }
 
 } // namespace vkt::hdf5

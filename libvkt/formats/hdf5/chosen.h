@@ -26,8 +26,14 @@ public:
     /// Where voxels lie in the file, if they can be read without the library.
     void find_places(ParsedGrids& grids) const;
     void read(std::int64_t volume, Box const& box, std::byte* to);
+    /// The reverse, in a file that is open to be changed. False if the library cannot.
+    bool write(std::int64_t volume, Box const& box, std::byte const* from);
+    /// Voxels of a chunk along x, y and z; those of the dataset if it has none.
+    Index3 chunk() const;
 
 private:
+    Handle select(std::int64_t volume, Box const& box) const;
+    Handle voxel_type(std::int64_t volume) const;
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const { all_.fail(what, hint); }
     bool read_itk(ParsedGrids& grids);
     std::vector<std::string> labels() const;

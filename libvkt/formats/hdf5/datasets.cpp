@@ -34,23 +34,13 @@ std::string real_name(std::string const& path) {
     return !error && std::filesystem::is_regular_file(place, error) ? place.string() : "";
 }
 
-/// To open objects with, but none that a link leads to in another file, whose name and path `other` becomes then.
-Handle within_file(std::string& other) {
-    Handle stay(H5Pcreate(H5P_LINK_ACCESS), H5Pclose);
-    auto const refuse = [](char const*, char const*, char const* file, char const* path, unsigned*, hid_t,
-                           void* where) -> herr_t {
-        *static_cast<std::string*>(where) = text(file, ":", path);
-        return -1;
-    };
-    H5Pset_elink_cb(stay, refuse, &other);
-    return stay;
-}
-
 } // namespace
 
 Datasets::Datasets(std::string path) : path_(std::move(path)), file_(open_file(path_)), home_(real_name(path_)) {
     if (!file_) fail("damaged: HDF5 cannot open it");
 }
+
+Datasets::Datasets(std::string path, Handle file) : path_(std::move(path)), file_(std::move(file)) {}
 
 void Datasets::fail(std::string const& what, std::string const& hint) const {
     throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
@@ -200,6 +190,17 @@ std::vector<double> Datasets::values(std::string const& path) const {
     std::vector<double> result(static_cast<std::size_t>(n));
     if (!set || H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, result.data()) < 0) return {};
     return result;
+}
+
+Handle within_file(std::string& other) {
+    Handle stay(H5Pcreate(H5P_LINK_ACCESS), H5Pclose);
+    auto const refuse = [](char const*, char const*, char const* file, char const* path, unsigned*, hid_t,
+                           void* where) -> herr_t {
+        *static_cast<std::string*>(where) = text(file, ":", path);
+        return -1;
+    };
+    H5Pset_elink_cb(stay, refuse, &other);
+    return stay;
 }
 
 Handle open_to_read(std::string const& path) {

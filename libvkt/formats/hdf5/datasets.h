@@ -26,6 +26,8 @@ class Datasets {
 public:
     /// Throws Error{data} for what the library cannot open.
     explicit Datasets(std::string path);
+    /// Of one that is open already, which messages call `path`.
+    Datasets(std::string path, Handle file);
 
     std::string const& path() const { return path_; }
     hid_t file() const { return file_; }

@@ -271,19 +271,36 @@ void register_filters() {
     }
 }
 
-std::string absent_filter(std::int64_t creation) {
+namespace {
+
+bool encodes(H5Z_filter_t id) {
+    unsigned flags = 0;
+    return H5Zfilter_avail(id) > 0 && H5Zget_filter_info(id, &flags) >= 0 &&
+           (flags & H5Z_FILTER_CONFIG_ENCODE_ENABLED) != 0;
+}
+
+/// The first filter that is not `there`.
+template <class There> std::string other_filter(std::int64_t creation, There const& there) {
     for (int i = 0; i < H5Pget_nfilters(creation); ++i) {
         unsigned flags = 0, config = 0;
         std::size_t values = 0;
         std::array<char, 64> name{};
         H5Z_filter_t const id = H5Pget_filter2(creation, static_cast<unsigned>(i), &flags, &values, nullptr,
                                                name.size() - 1, name.data(), &config);
-        if (id < 0 || H5Zfilter_avail(id) > 0) continue;
+        if (id < 0 || there(id)) continue;
         auto const found = std::find_if(std::begin(known), std::end(known), [&](Known const& k) { return k.id == id; });
         std::string const own = found != std::end(known) ? found->name : name.data();
         return text("filter ", static_cast<std::int64_t>(id), own.empty() ? "" : text(" (", printable(own), ")"));
     }
     return {};
 }
+
+} // namespace
+
+std::string absent_filter(std::int64_t creation) {
+    return other_filter(creation, [](H5Z_filter_t id) { return H5Zfilter_avail(id) > 0; });
+}
+
+std::string absent_encoder(std::int64_t creation) { return other_filter(creation, encodes); }
 
 } // namespace vkt::hdf5

@@ -14,5 +14,7 @@ void register_filters();
 /// What of the filters of a dataset with this creation property list nobody has: "filter 32026 (blosc2)"; empty if all
 /// are there.
 std::string absent_filter(std::int64_t creation);
+/// The same of those that nobody here encodes.
+std::string absent_encoder(std::int64_t creation);
 
 } // namespace vkt::hdf5

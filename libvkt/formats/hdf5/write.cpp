@@ -3,7 +3,9 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/encode.h"
+#include "libvkt/formats/hdf5/existing.h"
 #include "libvkt/formats/hdf5/handle.h"
+#include "libvkt/formats/hdf5/kept_header.h"
 #include "libvkt/formats/hdf5/remove.h"
 #include "libvkt/formats/hdf5/scales.h"
 #include "libvkt/formats/hdf5_module.h"
@@ -17,7 +19,6 @@
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
 #include <optional>
 
 namespace vkt::hdf5 {
@@ -28,8 +29,6 @@ constexpr std::int64_t chunk_edge = 64, chunk_depth = 16;
 /// Slices from here on have chunks of twice the edge, a MiB at most, which others' caches hold: fewer of them are found
 /// sooner, and what they waste at the ends of a volume is little.
 constexpr std::int64_t large_slice = 512;
-/// Attributes of the older file format are no larger than 64 KiB.
-constexpr std::size_t most_history = std::size_t{24} << 10, most_attribute = std::size_t{60} << 10;
 constexpr std::int64_t most_places = 3840; ///< in an attribute, of which a text takes 16 bytes
 constexpr unsigned deflate_level = 4;
 
@@ -105,7 +104,7 @@ private:
     void put_places();
     std::vector<Scale> scales() const;
     void open_file();
-    bool copy_existing(hid_t access);
+    bool copy_existing();
     std::vector<hsize_t> leading() const;
     void create(std::vector<hsize_t> const& leading);
     void widen(std::vector<hsize_t> const& leading);
@@ -165,43 +164,19 @@ void Writer::open_file() {
     if (by_rows) chunk_ = {1, static_cast<hsize_t>(rows), static_cast<hsize_t>(std::min(4 * chunk_edge, n.x))};
     layer_ = by_rows ? row_ * static_cast<std::size_t>(rows) : slice * static_cast<std::size_t>(depth_);
 
-    H5dont_atexit();
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-    Handle const access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    H5Pset_file_locking(access, false, true); // it is ours, and marked as such
-    if (!named_ || !copy_existing(access))
+    Handle const access = access_to_write();
+    if (!named_ || !copy_existing())
         hdf5_.emplace(H5Fcreate(file_.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
     need(static_cast<bool>(*hdf5_), "the file");
     type_.emplace(file_type(header_.dtype));
 }
 
 /// Of a file that is there, all other datasets stay: a copy of it takes its name in the end. False if there is none.
-bool Writer::copy_existing(hid_t access) {
-    namespace fs = std::filesystem;
-    std::string const& file = file_.target();
-    std::error_code failed;
-    std::uintmax_t const bytes = fs::is_regular_file(file, failed) ? fs::file_size(file, failed) : 0;
-    if (failed || bytes == 0) return false;
-    file_.expect(static_cast<std::size_t>(bytes) + header_.bytes() / (options_.compress ? 1032 : 1));
-    if (!fs::copy_file(file, file_.temporary(), fs::copy_options::overwrite_existing, failed))
-        throw Error(ErrorKind::io, text("cannot copy '", file, "': ", failed.message()));
-    hdf5_.emplace(H5Fopen(file_.temporary().c_str(), H5F_ACC_RDWR, access), H5Fclose);
-    if (!*hdf5_)
-        throw Error(ErrorKind::data, text("'", file, "' is no HDF5 file that datasets can be added to"),
-                    text("to replace all of it, name no dataset: -o ", shell_quoted(file_.path()), " --force"));
-    // Along the path there may be groups, in the end a dataset.
-    for (std::size_t end = dataset_.find('/', 1);; end = dataset_.find('/', end + 1)) {
-        std::string const path = dataset_.substr(0, end);
-        if (H5Lexists(*hdf5_, path.c_str(), H5P_DEFAULT) <= 0) return true;
-        Handle const object(H5Oopen(*hdf5_, path.c_str(), H5P_DEFAULT), H5Oclose);
-        bool const last = end == std::string::npos, group = object && H5Iget_type(object) == H5I_GROUP;
-        if (last && group)
-            throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is a group"),
-                        text("name a dataset in it: -o ", shell_quoted(text(file_.path(), ":", path, "/data"))));
-        if (!last && !group) throw Error(ErrorKind::usage, text("'", file, "': '", path, "' is no group"));
-        if (last) break;
-    }
-    remove_named(*hdf5_, dataset_, file_.path());
+bool Writer::copy_existing() {
+    std::optional<Handle> copy = copy_of_existing(file_, header_.bytes() / (options_.compress ? 1032 : 1));
+    if (!copy) return false;
+    hdf5_.emplace(std::move(*copy));
+    if (is_taken(*hdf5_, dataset_, file_)) remove_named(*hdf5_, dataset_, file_.path());
     return true;
 }
 
@@ -278,12 +253,7 @@ void Writer::put_numbers(char const* name, std::vector<double> const& values) co
 }
 
 void Writer::put_words(char const* name, std::string const& value) const {
-    Handle const space(H5Screate(H5S_SCALAR), H5Sclose), type(H5Tcopy(H5T_C_S1), H5Tclose);
-    H5Tset_size(type, H5T_VARIABLE);
-    H5Tset_cset(type, H5T_CSET_UTF8);
-    char const* const words = value.c_str();
-    Handle const attribute(H5Acreate2(*data_, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
-    need(attribute && H5Awrite(attribute, type, &words) >= 0, name);
+    need(hdf5::put_words(*data_, name, value), name);
 }
 
 void Writer::put_list(char const* name, std::vector<std::string> const& values) const {
@@ -376,11 +346,7 @@ void Writer::put_about() {
     names.insert(names.end(), {"z", "y", "x"});
     put_list("DIMENSION_LABELS", names);
     put_places();
-    Header kept = header_;
-    kept.timing = kept.dry_run = false;
-    if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
-    std::string const json = one_line(to_json(kept));
-    if (json.size() <= most_attribute) put_words(header_attribute, json);
+    need(put_header(*data_, header_), "the header");
 }
 
 /// Whole slices of a layer of chunks, or some rows of one.
@@ -432,6 +398,7 @@ void Writer::close() {
 } // namespace
 
 std::unique_ptr<VolumeWriter> writer(std::string const& path, WriteOptions const& options) {
+    if (options.at) return region_writer(path, options);
     return std::make_unique<Writer>(path, options);
 }
 

@@ -66,6 +66,7 @@ Texts Diff::texts() const {
 }
 
 void Diff::parameters(Parameters& p) {
+    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "compare only these voxels (half-open); X0:X1:S is every S-th");
     p.option("tolerance", tolerance, "T", "largest absolute difference that counts as equal, a physical value (0)");
     p.flag("geometry", geometry, "also fail if origin, spacing or direction differ");
     p.flag("ssim", ssim, "also the mean structural similarity: Gaussian window of 11 voxels, sigma 1.5");
@@ -104,6 +105,7 @@ Plan Diff::plan(std::span<Header const> inputs) const {
 
 void Diff::measure(Measurement& to) {
     satisfied_ = true;
+    if (!roi.empty()) region_.take(to.inputs, roi);
     Source &one = *to.inputs[0], &other = *to.inputs[1];
     auto const note = [&](char const* message) {
         if (to.info.listener) to.info.listener(to.info.name, message, false);
@@ -136,7 +138,8 @@ Report Diff::compared(Measurement& to) {
     // A structural similarity takes a hundred times as long as the differences, a joint histogram three times.
     double const compared = ssim && several_passes ? 0.02 : several_passes ? 0.25 : 1;
     std::optional<ProgressPart> share(std::in_place, execution.monitor, 0.0, compared);
-    DifferenceResult const r = compare(a, b, execution);
+    DifferenceResult r = compare(a, b, execution);
+    if (one.header().kind == Kind::structured) r.first = region_.in_whole(r.first);
     double const similar = information ? 0.9 : 0.98;
     if (ssim && several_passes) share.emplace(execution.monitor, compared, similar);
     if (!r.same_tree && to.info.listener)

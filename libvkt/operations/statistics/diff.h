@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/common/stepped_region.h"
 #include "libvkt/operations/statistics/difference.h"
 
 #include <optional>
@@ -13,6 +14,7 @@ namespace vkt {
 /// the tolerance, or in size.
 class Diff : public Operation {
 public:
+    Roi roi; ///< part to look at; empty: all
     double tolerance = 0;
     bool geometry = false; ///< not satisfied either if origin, spacing or direction differ
     bool ssim = false, information = false;
@@ -28,12 +30,13 @@ public:
     Plan plan(std::span<Header const> inputs) const override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
-    bool runs_on_gpu() const override { return !ssim && !information; }
+    bool runs_on_gpu() const override { return !ssim && !information && !roi.has_steps(); }
     bool satisfied() const override { return satisfied_; }
 
 private:
     Report compared(Measurement& to);
 
+    SteppedRegion region_;
     bool satisfied_ = true;
 };
 

@@ -182,7 +182,7 @@ Texts Histogram::texts() const {
 void Histogram::parameters(Parameters& p) {
     p.option("bins", bin_count_, "N", "bins, 1 to 65536");
     p.option("range", range_, "LO:HI|minmax|pA:pB", "values to count; the others are under or over");
-    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
+    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open); X0:X1:S is every S-th");
     p.flag("mergeable", mergeable, "print JSON that --merge takes; --range must be numbers");
     p.option("merge", merged, "FILE...", "add up what --mergeable printed, instead of reading a volume");
 }
@@ -195,7 +195,13 @@ void Histogram::check() const {
 }
 
 void Histogram::measure(Measurement& to) {
-    if (merged.empty()) return Operation::measure(to);
+    if (merged.empty()) {
+        if (roi.has_steps()) {
+            stepped_.take(to.inputs, roi);
+            roi = {};
+        }
+        return Operation::measure(to);
+    }
     std::optional<HistogramResult> sum;
     for (std::string const& file : merged) {
         HistogramResult part = histogram_from_json(whole_text(file, most_text), file);

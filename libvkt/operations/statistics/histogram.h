@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/common/stepped_region.h"
 #include "libvkt/operations/statistics/bins.h"
 #include "libvkt/operations/statistics/range_option.h"
 #include "libvkt/operations/statistics/voxel_counts.h"
@@ -68,7 +69,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
-    bool runs_on_gpu() const override { return merged.empty() && !range_.percentiles(); }
+    bool runs_on_gpu() const override { return merged.empty() && !range_.percentiles() && !roi.has_steps(); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     HistogramResult const& result() const { return result_; }
@@ -79,6 +80,7 @@ private:
     void finish();
     void count(ConstView cells, Execution const& execution);
 
+    SteppedRegion stepped_;
     int bin_count_ = 256;
     RangeOption range_{{true, Number(0)}, {true, Number(100)}};
 

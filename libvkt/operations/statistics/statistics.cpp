@@ -220,7 +220,7 @@ std::vector<std::string> ValueText<PercentList>::write(PercentList const& v) {
 }
 
 void Statistics::parameters(Parameters& p) {
-    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
+    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open); X0:X1:S is every S-th");
     p.option("percentiles", percents_, "P,P...", "also the values below which these per cents of the finite ones lie");
 }
 

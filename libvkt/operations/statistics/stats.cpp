@@ -136,6 +136,10 @@ private:
 
 void Stats::measure(Measurement& to) {
     if (!merged.empty()) return to.report(report_of("", sum_of_parts(), to.form));
+    if (statistics_.roi.has_steps()) {
+        stepped_.take(to.inputs, statistics_.roi);
+        statistics_.roi = {};
+    }
     std::size_t const volumes = files.empty() ? 1 : files.size();
     std::vector<std::unique_ptr<Source>> beside;
     for (std::size_t i = volumes; i < to.inputs.size(); ++i) beside.push_back(std::move(to.inputs[i]));
@@ -162,13 +166,18 @@ Report Stats::measured(Source& source, std::vector<std::unique_ptr<Source>> cons
         reduce(source, statistics_, to.execution, to.info);
         if (source.header().dry_run) return {};
         Report report = named(name);
-        report_into(report, statistics_.result());
+        StatisticsResult result = statistics_.result();
+        if (!result.hierarchical) {
+            result.argmin = stepped_.in_whole(result.argmin);
+            result.argmax = stepped_.in_whole(result.argmax);
+        }
+        report_into(report, result);
         if (mergeable) {
             GroupedResult all;
             all.type = source.header().dtype;
             all.values = source.header().values;
             all.groups[0] = statistics_.partial();
-            report.write_as(ReportForm::json, to_json(all));
+            report.write_as(ReportForm::json, to_json(in_whole(all)));
         }
         return report;
     }
@@ -190,7 +199,28 @@ Report Stats::measured(Source& source, std::vector<std::unique_ptr<Source>> cons
     reduce(*readable(source), groups, to.execution, to.info);
     for (auto const& other : beside)
         if (other.get() == groups.mask || other.get() == groups.labels) other->finish();
-    return report_of(name, groups.result(), to.form);
+    return report_of(name, in_whole(groups.result()), to.form);
+}
+
+/// Slices and extremes as they are counted in the whole volume.
+GroupedResult Stats::in_whole(GroupedResult result) const {
+    bool const slices = result.by != GroupedBy::volume && result.by != GroupedBy::label;
+    auto const number_of = [&](std::int64_t key) {
+        if (!slices) return key;
+        Index3 const slice = stepped_.in_whole({key, key, key});
+        return result.by == GroupedBy::x ? slice.x : result.by == GroupedBy::y ? slice.y : slice.z;
+    };
+    std::map<std::int64_t, PartialStatistics> groups;
+    for (auto& [key, partial] : result.groups) {
+        partial.min.where = stepped_.in_whole(partial.min.where);
+        partial.max.where = stepped_.in_whole(partial.max.where);
+        groups.emplace(number_of(key), partial);
+    }
+    result.groups = std::move(groups);
+    std::map<std::int64_t, std::vector<Percentile>> percentiles;
+    for (auto& [key, of_group] : result.percentiles) percentiles.emplace(number_of(key), std::move(of_group));
+    result.percentiles = std::move(percentiles);
+    return result;
 }
 
 Report Stats::report_of(std::string const& name, GroupedResult const& result, ReportForm form) const {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/operations/common/stepped_region.h"
 #include "libvkt/operations/statistics/grouped_statistics.h"
 #include "libvkt/operations/statistics/statistics.h"
 
@@ -32,17 +33,21 @@ public:
     void begin(std::span<Header const> inputs, Plan const& plan) override { statistics_.begin(inputs, plan); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
-    bool runs_on_gpu() const override { return !grouped() && statistics_.runs_on_gpu(); }
+    bool runs_on_gpu() const override {
+        return !grouped() && !statistics_.roi.has_steps() && statistics_.runs_on_gpu();
+    }
 
 private:
     bool grouped() const { return !mask.empty() || !labels.empty() || axis; }
     GroupedBy by() const;
+    GroupedResult in_whole(GroupedResult result) const;
     GroupedResult sum_of_parts() const;
     Report measured(Source& source, std::vector<std::unique_ptr<Source>> const& beside, std::string const& name,
                     Measurement const& to);
     Report report_of(std::string const& name, GroupedResult const& result, ReportForm form) const;
 
     Statistics statistics_;
+    SteppedRegion stepped_;
 };
 
 } // namespace vkt

@@ -8,10 +8,12 @@
     turned.write("turned.nrrd", force=True)
 
 Every operation is a function, whose help tells its options, their units and its accuracy: help(vkt.filter.gaussian).
-vkt.apply() takes the words of the command line instead; vkt.operations() lists them.
+vkt.apply() takes the words of the command line instead; vkt.operations() lists them. What only the program does, a window
+among it, is vkt.view(), vkt.slim(), vkt.image_diff(), vkt.image_mean() and, of all others, vkt.command().
 """
 # SPDX-License-Identifier: MIT
 from . import _operations
+from ._command import command, image_diff, image_join, image_mean, slim, view
 from ._library import Error, version as __version__
 from ._operations import apply, operations, transform, trim
 from ._picture import render
@@ -29,6 +31,7 @@ globals().update(_operations.functions([], __name__))
 
 from . import filter, make  # noqa: E402
 
-__all__ = ["Error", "Series", "Surface", "Volume", "apply", "brick", "filter", "from_dlpack", "from_xarray", "make", "merge",
-           "operations", "policy", "read", "read_series", "read_stream", "render", "split", "stack", "surface", "to_xarray",
-           "transform", "trim", "write_series", "write_stream"]
+__all__ = ["Error", "Series", "Surface", "Volume", "apply", "brick", "command", "filter", "from_dlpack", "from_xarray",
+           "image_diff", "image_join", "image_mean", "make", "merge", "operations", "policy", "read", "read_series",
+           "read_stream", "render", "slim", "split", "stack", "surface", "to_xarray", "transform", "trim", "view",
+           "write_series", "write_stream"]

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 import builtins
 import os
+import subprocess
 from typing import Any, Iterable, Iterator, Literal, Mapping, Sequence, SupportsFloat, SupportsIndex, overload
 
 import numpy as np
@@ -129,6 +130,7 @@ def clahe(
     bins: SupportsIndex = 256, range: Value = 'minmax', roi: Region | None = None, device: Value = 'auto',
     threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
+def command(name: str, *arguments: Any, **options: Any) -> Any: ...
 def convert(
     volume: Volume, *, dtype: DType | None = None, tolerance: SupportsFloat | None = None, range: Value | None = None,
     to: Value | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
@@ -153,10 +155,10 @@ def delete(
     threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
 def diff(
-    volume: Volume, other: Volume, *, tolerance: SupportsFloat = 0.0, geometry: bool = False, ssim: bool = False,
-    ssim_range: SupportsFloat | None = None, mutual_information: bool = False, bins: SupportsIndex | None = None,
-    device: Value = 'auto', threads: SupportsIndex | None = None, memory: Value | None = None,
-    slab: SupportsIndex = 0,
+    volume: Volume, other: Volume, *, roi: Region | None = None, tolerance: SupportsFloat = 0.0,
+    geometry: bool = False, ssim: bool = False, ssim_range: SupportsFloat | None = None,
+    mutual_information: bool = False, bins: SupportsIndex | None = None, device: Value = 'auto',
+    threads: SupportsIndex | None = None, memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
 def distance(
     volume: Volume, *, signed: bool = False, unit: Literal['voxel', 'world'] = 'world', roi: Region | None = None,
@@ -211,6 +213,11 @@ def histogram(
     mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> dict[str, Any]: ...
+def image_diff(
+    reference: str | os.PathLike[str] | bytes | Array, other: str | os.PathLike[str] | bytes | Array, **options: Any,
+) -> dict[str, Any]: ...
+def image_join(*pictures: str | os.PathLike[str] | bytes | Array, **options: Any) -> bytes | None: ...
+def image_mean(*pictures: str | os.PathLike[str] | bytes | Array, **options: Any) -> bytes | None: ...
 def info(
     *volumes: Volume, head: bool = False, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
@@ -329,6 +336,9 @@ def slice(
     background: SupportsFloat | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
+def slim(
+    volume: Volume | Array, *, for_: str, within: float, told: list[str] | None = None, **options: Any,
+) -> Volume: ...
 def split(volume: Volume) -> list[Volume]: ...
 def stack(volumes: Iterable[Volume], *, force_uniform: bool = False) -> Volume: ...
 def stats(
@@ -346,6 +356,9 @@ def threshold(
 def to_xarray(volume: Volume, stored: bool = False) -> Any: ...
 def transform(volume: Volume, what: Any, *others: Volume, **options: Any) -> Volume: ...
 def trim() -> int: ...
+def view(
+    volume: Volume | Array | str | os.PathLike[str], *, wait: bool = True, **options: Any,
+) -> subprocess.Popen[bytes] | None: ...
 def watershed(
     volume: Volume, *, markers: Volume | None = None, depth: SupportsFloat = 0.0,
     on: Literal['value', 'gradient', 'distance'] = 'value', connectivity: SupportsIndex = 6,
