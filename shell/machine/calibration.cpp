@@ -35,7 +35,7 @@
 namespace vkt::shell {
 namespace {
 
-constexpr char first_line[] = "vkt calibration 4";
+constexpr char first_line[] = "vkt calibration 5";
 
 double wall_seconds() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -190,14 +190,11 @@ OperationRate rate_of(std::string const& name, std::vector<std::string> const& s
     Header const& counted = operation->shape() == Shape::reduction ? volume.header() : plan.output;
     for (std::size_t many = 2; many-- > 0;) {
         int const threads = many == 0 ? 1 : all_threads;
-        // Without what is done once: buffers are taken, threads begin. Long pipelines do not feel it.
-        auto const seconds_of_volumes = [&](std::size_t times) {
-            return least_seconds([&] { pass_through(*operation, {volume}, times, threads); }, many == 0 ? 1 : 6,
-                                 many == 0 ? processor_seconds : wall_seconds);
-        };
-        double const once = seconds_of_volumes(1), more = seconds_of_volumes(3);
-        // No less than half of what all of it took, should something have held up the first.
-        rate.seconds[many] = std::max((more - once) / 2, more / 6) / static_cast<double>(counted.voxels());
+        // Twice, since what is done once is little beside that: buffers are taken, threads begin.
+        constexpr std::size_t times = 2;
+        double const seconds = least_seconds([&] { pass_through(*operation, {volume}, times, threads); }, 6,
+                                             many == 0 ? processor_seconds : wall_seconds);
+        rate.seconds[many] = seconds / (times * static_cast<double>(counted.voxels()));
     }
     return rate;
 }
@@ -215,30 +212,42 @@ struct Typical {
     double shared = 1;
 };
 
+/// What a row says of voxels of 2^size bytes; 0 where it says nothing, or, if any size will do, what it says of the
+/// next one.
+double nanoseconds(TypicalRate const& rate, std::size_t size, bool any_size) {
+    double found = rate.nanoseconds[size];
+    for (std::size_t away = 1; any_size && !(found > 0) && away < rate.nanoseconds.size(); ++away) {
+        if (size >= away) found = rate.nanoseconds[size - away];
+        if (!(found > 0) && size + away < rate.nanoseconds.size()) found = rate.nanoseconds[size + away];
+    }
+    return found;
+}
+
 /// Of the settings with this method, or else of the operation: between those whose costs are next to it, and in
 /// proportion beyond the last of them.
 std::optional<Typical> typical_rate(std::string const& operation, std::string const& method, double cost,
                                     std::size_t bytes) {
     auto const size = static_cast<std::size_t>(std::countr_zero(bytes));
-    TypicalRate const *below = nullptr, *above = nullptr;
-    for (bool const any : {false, true}) {
-        for (auto const& rate : typical_rates()) {
-            if (rate.operation != operation || (!any && rate.method != method) || !(rate.nanoseconds[size] > 0))
-                continue;
-            if (rate.cost <= cost && (below == nullptr || rate.cost > below->cost)) below = &rate;
-            if (rate.cost >= cost && (above == nullptr || rate.cost < above->cost)) above = &rate;
+    for (bool const any_method : {false, true})
+        for (bool const any_size : {false, true}) {
+            TypicalRate const *below = nullptr, *above = nullptr;
+            for (auto const& rate : typical_rates()) {
+                if (rate.operation != operation || (!any_method && rate.method != method) ||
+                    !(nanoseconds(rate, size, any_size) > 0))
+                    continue;
+                if (rate.cost <= cost && (below == nullptr || rate.cost > below->cost)) below = &rate;
+                if (rate.cost >= cost && (above == nullptr || rate.cost < above->cost)) above = &rate;
+            }
+            if (below == nullptr && above == nullptr) continue;
+            auto const at = [&](TypicalRate const& rate) { return 1e-9 * nanoseconds(rate, size, any_size); };
+            if (below == nullptr || above == nullptr) {
+                TypicalRate const& end = below == nullptr ? *above : *below;
+                return Typical{at(end) * (end.cost > 0 ? cost / end.cost : 1), end.shared};
+            }
+            double const between = above->cost - below->cost, share = between > 0 ? (cost - below->cost) / between : 0;
+            return Typical{at(*below) + share * (at(*above) - at(*below)), below->shared};
         }
-        if (below != nullptr || above != nullptr) break;
-    }
-    if (below == nullptr && above == nullptr) return {};
-    auto const at = [&](TypicalRate const& rate) { return 1e-9 * rate.nanoseconds[size]; };
-    auto const in_proportion = [&](TypicalRate const& to) {
-        return Typical{at(to) * (to.cost > 0 ? cost / to.cost : 1), to.shared};
-    };
-    if (below == nullptr) return in_proportion(*above);
-    if (above == nullptr) return in_proportion(*below);
-    double const share = above->cost > below->cost ? (cost - below->cost) / (above->cost - below->cost) : 0;
-    return Typical{at(*below) + share * (at(*above) - at(*below)), below->shared};
+    return {};
 }
 
 std::string file_mark(std::filesystem::path const& path) {

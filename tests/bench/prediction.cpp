@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: MIT
 //
 // usage: vkt_prediction [SIDE [TYPES [WORD]]]   (128, uint8,uint16,float32; operations with this word in their line
-// only), or vkt_prediction --table [SIDE], which prints shell/machine/typical_rates.cpp. Prints a line an operation,
-// setting and data type, of a volume of SIDE³ voxels: nanoseconds a voxel as predicted and as measured, and how many
-// times the one the other is. The machine is measured in the same run, before and after, as `vkt doctor --calibrate`
-// does it. Exit code 1 if a prediction is further than a factor of 1.5 away, unless both are below twice what a copy
-// takes, which nobody waits for.
+// only), or vkt_prediction --table [SIDE], which prints shell/machine/typical_rates.cpp (with --calibration the end of
+// it alone). Prints a line an operation, setting and data type, of a volume of SIDE³ voxels: nanoseconds a voxel as
+// predicted and as measured, and how many times the one the other is. The machine is measured in the same run, before
+// and after, as `vkt doctor --calibrate` does it. Exit code 1 if a prediction is further than a factor of 1.5 away,
+// unless both are below twice what a copy takes, which nobody waits for.
 #include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/operations/common/reference_volume.h"
@@ -173,7 +173,7 @@ constexpr Setting settings[] = {
     {"watershed", "smooth"},
     {"watershed --depth 20", "smooth"},
     {"watershed --on distance", "mask"},
-    {"mesh --iso 500", "smooth"},
+    {"mesh --iso HALF", "smooth"},
     {"mesh --labels", "labels"},
     {"make constant --dims SIDE SIDE SIDE --dtype TYPE", ""},
     {"make ramp --dims SIDE SIDE SIDE --dtype TYPE", ""},
@@ -191,6 +191,7 @@ std::vector<std::string> words_of(std::string line, std::string const& side, std
     };
     replace("SIDE", side);
     replace("TYPE", type);
+    replace("HALF", type == "uint8" ? "127" : "497");
     std::vector<std::string> words;
     std::string word;
     bool quoted = false, any = false;
@@ -285,7 +286,6 @@ Measured measured(Setting const& setting, Volumes const& volumes, bool shares) {
     auto const operation = shell::configured(result.operation, words);
     if (operation->like() != nullptr && inputs.size() > 1) {
         auto const like = volume_source({inputs.back()});
-        like->next_volume();
         operation->like()->file = "like";
         operation->like()->take(*like);
         inputs.pop_back();
@@ -325,9 +325,23 @@ Measured measured(Setting const& setting, Volumes const& volumes, bool shares) {
 
 std::string quoted(std::string const& text) { return '"' + text + '"'; }
 
-int print_table(std::string const& side) {
+shell::Calibration least_of(int calibrations) {
     shell::Calibration machine = shell::calibrate_computing();
-    for (int i = 0; i < 4; ++i) keep_least(machine, shell::calibrate_computing());
+    for (int i = 1; i < calibrations; ++i) keep_least(machine, shell::calibrate_computing());
+    return machine;
+}
+
+void print_calibration(shell::Calibration const& machine) {
+    std::printf("std::span<TypicalCalibration const> typical_calibration() {\n"
+                "    static constexpr TypicalCalibration rates[] = {\n");
+    for (auto const& rate : machine.rates)
+        std::printf("{%s, %s, %d, %.4g, %.3g},\n", quoted(rate.operation).c_str(), quoted(rate.method).c_str(),
+                    rate.bytes, rate.cost, 1e9 * rate.seconds[0]);
+    std::printf("    };\n    return rates;\n}\n\n} // namespace vkt::shell\n");
+}
+
+int print_table(std::string const& side) {
+    shell::Calibration machine = least_of(5);
     struct Row {
         std::array<double, 4> logs{}, counts{};
         double shared = 0, shares = 0, cost = 0;
@@ -367,20 +381,16 @@ int print_table(std::string const& side) {
                 for (std::size_t i = 0; i < 4; ++i)
                     std::printf("%s%.3g", i == 0 ? "" : ", ",
                                 row.counts[i] > 0 ? std::exp(row.logs[i] / row.counts[i]) : 0);
-                std::printf("}, %.2g},\n", row.shares > 0 ? row.shared / row.shares : 1);
+                std::printf("}, %.2g},\n",
+                            row.shares > 0 && row.shared / row.shares < 0.55 ? row.shared / row.shares : 1);
             }
-    std::printf("    };\n    return rates;\n}\n\nstd::span<TypicalCalibration const> typical_calibration() {\n"
-                "    static constexpr TypicalCalibration rates[] = {\n");
-    for (auto const& rate : machine.rates)
-        std::printf("{%s, %s, %d, %.4g, %.3g},\n", quoted(rate.operation).c_str(), quoted(rate.method).c_str(),
-                    rate.bytes, rate.cost, 1e9 * rate.seconds[0]);
-    std::printf("    };\n    return rates;\n}\n\n} // namespace vkt::shell\n");
+    std::printf("    };\n    return rates;\n}\n\n");
+    print_calibration(machine);
     return 0;
 }
 
 int compare(std::string const& side, std::string const& types, std::string const& only) {
-    shell::Calibration machine = shell::calibrate_computing();
-    for (int i = 0; i < 3; ++i) keep_least(machine, shell::calibrate_computing());
+    shell::Calibration const machine = least_of(4);
     int lines = 0, off = 0;
     std::printf("%-8s %-52s %9s %9s %7s  %s\n", "type", "operation", "predicted", "measured", "factor", "method");
     for (std::string const type : {"uint8", "uint16", "float32", "float64"}) {
@@ -428,6 +438,10 @@ int main(int argc, char** argv) try {
     write_kernel("cross.txt", 3, 3, 3, true);
     write_kernel("cube.txt", 3, 3, 3, false);
     write_kernel("large.txt", 9, 9, 9, false);
+    if (argument(1, "") == "--calibration") {
+        print_calibration(least_of(10));
+        return 0;
+    }
     int const code = argument(1, "") == "--table"
                          ? print_table(argument(2, "128"))
                          : compare(argument(1, "128"), argument(2, "uint8,uint16,float32"), argument(3, ""));
