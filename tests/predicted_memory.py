@@ -51,7 +51,7 @@ project median N --axis x
 scan N
 filter gaussian N --sigma 1
 filter gaussian N --sigma 4 --method fir
-filter gaussian N --sigma 4 --method cascade
+filter gaussian N --sigma 4 --method cascade --tolerance 1%
 filter gaussian N --sigma 16
 filter box N --radius 1
 filter box N --radius 20

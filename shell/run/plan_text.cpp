@@ -170,7 +170,8 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     if (operation != nullptr || reduction)
         line += text(", peak memory about ",
                      bytes_text((preparation ? preparation->bytes : 0) +
-                                peak_bytes(operation, tree, work, plan, looked_at, execution, reduction)));
+                                peak_bytes(operation, tree, work, plan, looked_at, execution, reduction)),
+                     plan.grows_by.empty() ? "" : " and ", plan.grows_by);
     bool const jumps = work && work->jumps;
     bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
     bool const spools = jumps || plan.access == Access::random || again;

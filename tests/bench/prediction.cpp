@@ -101,7 +101,7 @@ constexpr Setting settings[] = {
     {"filter gaussian --sigma 1"},
     {"filter gaussian --sigma 2 --method fir"},
     {"filter gaussian --sigma 4 --method fir"},
-    {"filter gaussian --sigma 4 --method cascade"},
+    {"filter gaussian --sigma 4 --method cascade --tolerance 1%"},
     {"filter gaussian --sigma 8"},
     {"filter gaussian --sigma 16"},
     {"filter box --radius 1"},
