@@ -7,6 +7,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <map>
 
 namespace vkt::shell {
@@ -177,13 +178,40 @@ std::string order_of_arguments(Line const& line) {
     return result;
 }
 
+bool is_file(std::string const& word) {
+    std::error_code error;
+    return std::filesystem::is_regular_file(word, error) || std::filesystem::is_fifo(word, error);
+}
+
+/// The value of an option was left out, so that the input behind it stands in its place.
+[[noreturn]] void file_instead_of_value(Parameter const& p, std::string const& word, std::string const& message) {
+    std::string const refusal = text("'", word, "' is not ");
+    std::size_t const at = message.find(refusal);
+    std::string what = at == std::string::npos ? text("a value ", p.value_name) : message.substr(at + refusal.size());
+    what = what.substr(0, what.find(';'));
+    bool const several = !what.starts_with("a ") && !what.starts_with("an ");
+    throw Error(ErrorKind::usage,
+                text(p.spelling(), " needs ", what, ", '", word, "' is ", several ? "a file" : "not one"),
+                text("its value was left out: ", p.spelling(), " ", p.value_name, " ", word));
+}
+
+/// Regions are read when the volume is known, and sizes later, but no file's name is one.
+bool is_read_later(Parameter const& p, std::string const& word) {
+    bool const later = p.name == "roi" || p.name == "roi-world" || p.name == "memory";
+    return later && word.find_first_of(":%,") == std::string::npos && (word[0] < '0' || word[0] > '9');
+}
+
 /// Sets a parameter from its words; what they are refused for names it. A word that is none of a few and resembles none
 /// of them stands in the place of another one.
 void set(Parameter& p, std::vector<std::string> const& words, Line const& line) {
+    bool const option = !p.positional && !p.flag && words.size() == 1;
+    if (option && is_read_later(p, words.front()) && is_file(words.front()))
+        file_instead_of_value(p, words.front(), "");
     try {
         p.set(words);
     } catch (Error const& e) {
         std::string const message = e.what();
+        if (option && is_file(words.front())) file_instead_of_value(p, words.front(), message);
         bool const named = message.find(p.spelling()) != std::string::npos || message.find(p.name) != std::string::npos;
         bool const misplaced = p.positional && !p.choices.empty() && e.hint().empty();
         throw Error(e.kind(), named ? message : text(p.spelling(), ": ", message),

@@ -56,6 +56,19 @@ assert all(0 < p["own_error"] <= p["bound"] and p["predicted_seconds"] > 0 for p
 END
 }
 
+@test "clipped voxels keep the bound like the others, and the table says that files are not in its seconds" {
+    vkt stress --volume extremes-int16 >extremes.vkt
+    vkt chart 'resample --scale 1.3 --method cubic' extremes.vkt --roi :,:,: --keep threads,method --check --json >chart.json
+    /usr/bin/python3 - <<'END'
+import json
+points = json.load(open("chart.json"))["points"]
+clipped = [p for p in points if p["clipped"] and p["bound"] is not None]
+assert clipped and all(0 < p["own_error"] <= p["bound"] < 1 < p["max_error"] for p in clipped), points
+END
+    vkt chart 'filter gaussian --sigma 1' noise.nrrd --keep threads --budget 0.1 >table
+    grep -q 'reading and writing files is not in them' table
+}
+
 # The volumes of vkt stress: what a bound says of data that suit it says little.
 @test "no error is above its bound, whatever the operation and the volume" {
     for volume in noise-uint8 extremes-int16 checkerboard-float16 offset-float32 denormal-float32 mapped flat-z; do

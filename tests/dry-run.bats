@@ -156,6 +156,18 @@ assert error["kind"] == "bound" and 0 < error["at_most"] <= float(sys.argv[1]), 
     vkt info x.nrrd | grep -q 'within'
 }
 
+@test "what --budget printed is no volume, and the next command says so" {
+    for next in 'rotate --angle 3 -o x.nrrd' 'rotate --angle 3 -n' stats 'write - x.nrrd' 'flip x --budget 1'; do
+        fails_with 2 "the pipeline that --budget printed, not a volume" \
+            bash -c "vkt filter gaussian v.nrrd --sigma 2 -n --budget 1 2>/dev/null | vkt $next"
+        [[ "$stderr" == *"belongs to the last command of a dry run"* ]]
+    done
+    [ ! -e x.nrrd ]
+    # Whoever runs it may read it from a pipe.
+    vkt filter gaussian v.nrrd --sigma 2 -n -o x.nrrd --budget 1 2>/dev/null | sh
+    vkt info x.nrrd | grep -q 'within'
+}
+
 @test "--budget refuses what is not planned, has several inputs or no known error" {
     fails_with 2 "give -n to the first command" vkt stats v.nrrd --budget 1
     fails_with 2 "give -n to the first command" vkt flip x v.nrrd --budget 1

@@ -30,6 +30,22 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "'abc' is not a number" vkt render --lut abc v.nrrd -o d.png
 }
 
+@test "a file where a number was left out is named as such, and how to say it" {
+    fails_with 2 "--sigma needs a number, 'v.nrrd' is not one" vkt filter gaussian --sigma v.nrrd -o x.nrrd
+    [[ "$stderr" == *"hint: its value was left out: --sigma S v.nrrd"* ]]
+    fails_with 2 "--radius needs an integer, 'v.nrrd' is not one" vkt filter median --radius v.nrrd
+    fails_with 2 "--dims needs three integers X Y Z, 'v.nrrd' is a file" vkt resample --dims v.nrrd
+    fails_with 2 "--percentiles needs a number, 'v.nrrd' is not one" vkt stats --percentiles v.nrrd
+    fails_with 2 "--range needs a range LO:HI, 'v.nrrd' is not one" vkt histogram --range v.nrrd
+    fails_with 2 "--dtype needs a data type, 'v.nrrd' is not one" vkt convert --dtype v.nrrd
+    fails_with 2 "--method needs one of auto, nearest" vkt rotate --method v.nrrd
+    fails_with 2 "--roi needs a value REGION, 'v.nrrd' is not one" vkt crop --roi v.nrrd
+    fails_with 2 "--memory needs a value SIZE, 'v.nrrd' is not one" vkt flip x v.nrrd --memory v.nrrd
+    fails_with 2 "filter box: --radius needs an integer" vkt pipe 'read v.nrrd | filter box --radius v.nrrd | stats'
+    # What names no file is told as ever.
+    fails_with 2 "--sigma: 'w.nrrd' is not a number" vkt filter gaussian --sigma w.nrrd
+}
+
 @test "a value from an option or a variable is named with its whole word" {
     fails_with 2 "--memory: 'abc' is not a size" vkt stats v.nrrd --memory abc
     fails_with 2 "--memory: '1.2.3G' is not a size" vkt stats v.nrrd --memory 1.2.3G

@@ -187,7 +187,7 @@ assert b.any() and (a == b).all(), (a != b).sum()"
     fails_with 2 'needs --transfer' vkt refine smooth.nrrd --tolerance 1 --metric transfer -o x.vkt
     fails_with 2 'is for --metric transfer' vkt refine smooth.nrrd --tolerance 1 --transfer '{}' -o x.vkt
     fails_with 2 'one of values' vkt refine smooth.nrrd --tolerance noise --metric gradient -o x.vkt
-    fails_with 2 'only auto' vkt refine smooth.nrrd --tolerance 1 --dtype uint8 -o x.vkt
+    fails_with 2 'not one of keep, auto' vkt refine smooth.nrrd --tolerance 1 --dtype uint8 -o x.vkt
     fails_with 2 'not in 1…64' vkt refine smooth.nrrd --tolerance 1 --block-size 100 -o x.nrrd
 }
 
@@ -245,11 +245,36 @@ EOF
     for case in 'raw/stent_128x128x256_int16.raw 8388608 6' 'nifti/MNI152_2009_template.nii.gz 17059922 4' \
         'nrrd/template_T2.nrrd 9375912 4'; do
         read -r file bytes times <<<"$case"
-        vkt refine "$VKT_DATA/$file" --tolerance noise --dtype auto --block-size auto -o tree.vkt --force 2>said
+        vkt refine "$VKT_DATA/$file" --tolerance noise -o tree.vkt --force 2>said # with no option but that
         cat said
         found=$(sed -n 's/.* instead of .*, \([0-9.]*\) times as small$/\1/p' said)
         awk "BEGIN { exit !($found >= $times && $bytes / $(stat -c %s tree.vkt) >= $times) }"
     done
+}
+
+@test "what noise chooses may be said otherwise, and a tolerance in values keeps type and blocks" {
+    vkt make ramp --dims 48 40 32 --to 900 | vkt arith add - <(vkt make noise --dims 48 40 32 --high 60) |
+        vkt convert --dtype uint16 -o v.nrrd
+    vkt refine v.nrrd --tolerance noise -o small.vkt 2>said
+    grep -q 'uint8 in' said
+    vkt refine v.nrrd --tolerance noise --dtype keep --block-size 8 -o kept.vkt 2>said
+    grep -q 'uint16 in' said
+    [ "$(stat -c %s small.vkt)" -lt "$(stat -c %s kept.vkt)" ]
+    vkt refine v.nrrd --tolerance 100 -n -o x.vkt 2>&1 | grep -q 'blocks of 8 cells'
+    vkt refine v.nrrd --tolerance noise -n -o x.vkt 2>&1 | grep -q 'blocks of 2 to 16 cells'
+    vkt refine v.nrrd --tolerance 100 -o x.vkt
+    vkt info x.vkt | grep -q uint16
+    fails_with 2 "'uint8' is not one of keep, auto" vkt refine v.nrrd --tolerance 1 --dtype uint8
+}
+
+@test "a tree that is larger than its volume says so, and what may help" {
+    vkt make noise --dims 32 32 32 --dtype uint8 --high 255 -o v.nrrd
+    vkt refine v.nrrd --tolerance 0 -o tree.vkt 2>said
+    grep -q 'the result takes .* more than the volume.s 32.0 KiB.*--block-size mixed' said || { cat said >&2; false; }
+    # No loss, and nothing where the tree is smaller.
+    vkt refine v.nrrd --tolerance 0 --strict -q -o tree.vkt --force
+    vkt make sphere --dims 32 32 32 --dtype uint8 | vkt refine --tolerance 0 -o ball.vkt 2>said
+    [ ! -s said ] || { cat said >&2; false; }
 }
 
 @test "what is found in a tree does not depend on its bricks" {

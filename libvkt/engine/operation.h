@@ -56,6 +56,8 @@ struct Plan {
     /// --device auto and predictions of time.
     double cost = 1;
     std::size_t state_bytes = 0; ///< memory held whatever the regions are that run() is given; see also fit()
+    /// What is held besides, as much as the voxels ask for: "4 bytes a run of voxels, 72 a component". Empty: nothing.
+    std::string_view grows_by{};
 };
 
 /// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.

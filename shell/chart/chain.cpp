@@ -231,7 +231,9 @@ std::optional<double> Chain::seconds(Calibration const& calibration, int threads
     for (std::size_t i = 0; i < plans_.size(); ++i) {
         Plan const& plan = plans_[i];
         if (headers_[i].kind != Kind::structured || plan.output.kind != Kind::structured) return std::nullopt;
-        sum += calibration.seconds(stages_[i].verb().name, plan, {headers_[i]}, false, threads);
+        auto const seconds = calibration.seconds(stages_[i].verb().name, plan, {headers_[i]}, false, threads);
+        if (!seconds) return std::nullopt;
+        sum += *seconds;
     }
     return sum;
 }

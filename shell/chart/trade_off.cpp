@@ -5,6 +5,7 @@
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/current_volume.h"
+#include "libvkt/engine/registry.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/statistics/difference.h"
 #include "libvkt/operations/voxels/crop.h"
@@ -425,11 +426,13 @@ private:
             result_.calibrated = result_.calibrated || point.predicted;
             point.operations = chain.cost();
             point.lossy = chain.lossy();
-            point.bound = chain.bound(volume_, out, execution);
+            // What floats cannot hold is infinite, and no bound is about that; integers are clipped as is the
+            // reference.
+            if (!point.lossy || is_integer(out.header().dtype)) point.bound = chain.bound(volume_, out, execution);
             DifferenceResult const all = difference(*reference_, out, execution_);
             point.max_error = all.max_abs;
             point.rms_error = all.rmse;
-            point.own_error = difference_to_own(setting, out);
+            point.own_error = difference_to_own(setting, out, point.lossy);
         }
         Chain& timed = chain_of(setting);
         std::vector<double> times, drawing;
@@ -446,7 +449,7 @@ private:
         result_.points.push_back(std::move(point));
     }
 
-    double difference_to_own(Setting const& setting, Volume const& out) {
+    double difference_to_own(Setting const& setting, Volume const& out, bool lossy) {
         if (draws_) return difference(*reference_, out, execution_).max_abs;
         Setting const exact = best_of(setting, false);
         if (!own_ || own_setting_ != exact) {
@@ -454,7 +457,14 @@ private:
             own_ = reference(exact);
             own_setting_ = exact;
         }
-        return difference(*own_, out, execution_).max_abs;
+        DataType const type = out.header().dtype;
+        if (!lossy || !is_integer(type)) return difference(*own_, out, execution_).max_abs;
+        // Clipping brings values no further apart: what it does to the reference, too, excuses nothing else.
+        ValueMap const& map = out.header().values;
+        double const low = map.physical(lowest_of(type)), high = map.physical(highest_of(type));
+        Volume const clipped =
+            vkt::apply({"arith", "clamp", "-", to_text(std::min(low, high)), to_text(std::max(low, high))}, {*own_});
+        return difference(clipped, out, execution_).max_abs;
     }
 
     std::string label_of(Setting const& setting) {

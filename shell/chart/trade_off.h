@@ -39,8 +39,8 @@ struct TradeOffPoint {
     std::optional<double> predicted;
     double operations = 0; ///< multiply-adds of the plan, for all voxels
     bool given = false, front = false;
-    bool lossy = false; ///< values were clipped or no numbers: the bound is not about these
-    bool exceeded() const { return bound && !lossy && own_error > *bound; }
+    bool lossy = false; ///< values were clipped or no numbers
+    bool exceeded() const { return bound && own_error > *bound; }
 };
 
 struct TradeOff {

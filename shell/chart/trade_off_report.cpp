@@ -125,11 +125,11 @@ std::string TradeOffReport::table(bool with_chart) const {
         "\n* no other setting is faster and more exact. Errors: to the reference",
         draws ? ""
               : "; own_error: to the same method without\nrounding and truncation, which is what the bound is about",
-        ". Seconds: medians of ", draws ? "warm\nrepeats in memory; " : "warm repeats in memory; ",
-        found.calibrated ? "calibrated:\npredicted by what vkt doctor --calibrate measured of this machine.\n"
-        : draws          ? "predicted: the plan's steps or paths at the speed of what was given, shared evenly by the\n"
+        ".\nSeconds: medians of warm repeats in memory; reading and writing files is not in them.\n",
+        found.calibrated ? "Calibrated: predicted by what vkt doctor --calibrate measured of this machine.\n"
+        : draws          ? "Predicted: the plan's steps or paths at the speed of what was given, shared evenly by the\n"
                            "threads.\n"
-                         : "predicted:\nthe plan's operations at the speed of what was given, shared evenly by the "
+                         : "Predicted: the plan's operations at the speed of what was given, shared evenly by the "
                            "threads.\n");
     if (std::int64_t const n = exceeded(); n > 0)
         result += text("\n", n, n == 1 ? " error is" : " errors are", " LARGER THAN PREDICTED\n");

@@ -3,17 +3,17 @@
 #include "shell/machine/calibration.h"
 
 #include "ipc/frame.h"
-#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/own_processors.h"
 #include "libvkt/core/text.h"
 #include "libvkt/core/volume.h"
-#include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/io/output_file.h"
-#include "shell/options.h"
+#include "shell/machine/measured_pass.h"
+#include "shell/machine/typical_rates.h"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
@@ -35,19 +35,22 @@
 namespace vkt::shell {
 namespace {
 
-constexpr char first_line[] = "vkt calibration 4";
+constexpr char first_line[] = "vkt calibration 5";
 
-double seconds_of(std::function<void()> const& work) {
-    auto const start = std::chrono::steady_clock::now();
-    work();
-    return std::max(1e-9, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+double wall_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 /// The least of several, after one that warms up: what others do on the machine makes all but the least longer.
-double least_seconds(std::function<void()> const& work, int tries = 6) {
-    double least = seconds_of(work), all = 0;
+double least_seconds(std::function<void()> const& work, int tries = 6, double (*clock)() = wall_seconds) {
+    auto const seconds_of = [&] {
+        double const start = clock();
+        work();
+        return std::max(1e-9, clock() - start);
+    };
+    double least = seconds_of(), all = 0;
     for (int i = 0; i < tries && (i < 2 || all < 0.02); ++i) {
-        double const seconds = seconds_of(work);
+        double const seconds = seconds_of();
         least = std::min(least, seconds);
         all += seconds;
     }
@@ -58,7 +61,6 @@ double least_seconds(std::function<void()> const& work, int tries = 6) {
 struct Case {
     std::string operation;
     std::vector<std::vector<std::string>> settings;
-    bool reduction = false;
 };
 
 std::vector<Case> cases() {
@@ -70,40 +72,11 @@ std::vector<Case> cases() {
         {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "0.7"}, {"resample", "--scale", "1.25"}}},
         {"rotate", {{"rotate", "--angle", "30"}}},
         {"flip", {{"flip", "x"}}},
-        {"stats", {{"stats"}}, true}};
+        {"stats", {{"stats"}}}};
 }
 
 /// Of the volume that is measured with: rows as long as those of real ones, and few voxels.
 constexpr Index3 measured_dims{256, 96, 64};
-
-/// The operation of this name in the registry, its options read.
-std::unique_ptr<Operation> made(std::string const& name, std::vector<std::string> const& words) {
-    auto operation = make_operation(name);
-    Parameters parameters;
-    operation->parameters(parameters);
-    auto const count = static_cast<std::size_t>(std::count(name.begin(), name.end(), ' ')) + 1;
-    read_words({words.begin() + static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end()},
-               {&parameters});
-    operation->check();
-    return operation;
-}
-
-/// Takes slabs into the same memory again and again, as the buffers of pipes and files do.
-class Discard final : public Sink {
-public:
-    void begin(Header const& header) override { header_ = header; }
-    AnyView acquire(Box const& slab) override {
-        bytes_.resize(static_cast<std::size_t>(slab.voxels()) * size_of(header_.dtype));
-        return dense_view(bytes_.data(), header_.dtype, slab);
-    }
-    void commit() override {}
-    void end() override {}
-    void close() override {}
-
-private:
-    Header header_;
-    std::vector<std::byte> bytes_;
-};
 
 Volume noise(char const* type) {
     auto const [x, y, z] = measured_dims;
@@ -209,40 +182,19 @@ double start_seconds() {
     });
 }
 
-/// A volume so many times through one operation slab by slab, as a pipeline does it.
-void slabs_through(Case const& one, std::vector<std::string> const& words, Volume const& volume, std::size_t times,
-                   int threads) {
-    Execution execution = default_execution();
-    execution.threads = threads;
-    auto const operation = made(one.operation, words);
-    auto source = volume_source(std::vector<Volume>(times, volume));
-    std::vector<std::unique_ptr<Source>> inputs;
-    inputs.push_back(std::move(source));
-    if (one.reduction) {
-        Measurement of{inputs, execution, {}, ReportForm::json, [](Report const&) {}, {}};
-        operation->measure(of);
-    } else {
-        Discard nowhere;
-        drain(*attach(std::move(inputs), *operation, execution, {}), nowhere, execution);
-    }
-}
-
-/// What a plan's method is called, without its numbers.
-std::string method_of(Plan const& plan) { return plan.method.substr(0, plan.method.find_first_of("0123456789")); }
-
-OperationRate rate_of(Case const& one, std::vector<std::string> const& setting, Volume const& volume, int all_threads) {
-    Plan const plan = made(one.operation, setting)->plan({&volume.header(), 1});
-    OperationRate rate{one.operation, method_of(plan), static_cast<int>(size_of(volume.header().dtype)), plan.cost, {}};
-    Header const& counted = one.reduction ? volume.header() : plan.output;
+OperationRate rate_of(std::string const& name, std::vector<std::string> const& setting, Volume const& volume,
+                      int all_threads) {
+    auto const operation = configured(name, setting);
+    Plan const plan = operation->plan({&volume.header(), 1});
+    OperationRate rate{name, method_of(plan), static_cast<int>(size_of(volume.header().dtype)), plan.cost, {}};
+    Header const& counted = operation->shape() == Shape::reduction ? volume.header() : plan.output;
     for (std::size_t many = 2; many-- > 0;) {
         int const threads = many == 0 ? 1 : all_threads;
-        // Without what is done once: buffers are taken, threads begin. Long pipelines do not feel it.
-        auto const seconds_of_volumes = [&](std::size_t times) {
-            return least_seconds([&] { slabs_through(one, setting, volume, times, threads); }, many == 0 ? 1 : 6);
-        };
-        double const once = seconds_of_volumes(1), more = seconds_of_volumes(3);
-        // No less than half of what all of it took, should something have held up the first.
-        rate.seconds[many] = std::max((more - once) / 2, more / 6) / static_cast<double>(counted.voxels());
+        // Twice, since what is done once is little beside that: buffers are taken, threads begin.
+        constexpr std::size_t times = 2;
+        double const seconds = least_seconds([&] { pass_through(*operation, {volume}, times, threads); }, 6,
+                                             many == 0 ? processor_seconds : wall_seconds);
+        rate.seconds[many] = seconds / (times * static_cast<double>(counted.voxels()));
     }
     return rate;
 }
@@ -253,6 +205,49 @@ double between(ByThreads const& rate, int threads, int all) {
     // Speeds, not seconds, grow with the threads.
     if (!(rate[0] > 0) || !(rate[1] > 0)) return rate[0];
     return 1 / ((1 - share) / rate[0] + share / rate[1]);
+}
+
+struct Typical {
+    double seconds = 0; ///< a voxel
+    double shared = 1;
+};
+
+/// What a row says of voxels of 2^size bytes; 0 where it says nothing, or, if any size will do, what it says of the
+/// next one.
+double nanoseconds(TypicalRate const& rate, std::size_t size, bool any_size) {
+    double found = rate.nanoseconds[size];
+    for (std::size_t away = 1; any_size && !(found > 0) && away < rate.nanoseconds.size(); ++away) {
+        if (size >= away) found = rate.nanoseconds[size - away];
+        if (!(found > 0) && size + away < rate.nanoseconds.size()) found = rate.nanoseconds[size + away];
+    }
+    return found;
+}
+
+/// Of the settings with this method, or else of the operation: between those whose costs are next to it, and in
+/// proportion beyond the last of them.
+std::optional<Typical> typical_rate(std::string const& operation, std::string const& method, double cost,
+                                    std::size_t bytes) {
+    auto const size = static_cast<std::size_t>(std::countr_zero(bytes));
+    for (bool const any_method : {false, true})
+        for (bool const any_size : {false, true}) {
+            TypicalRate const *below = nullptr, *above = nullptr;
+            for (auto const& rate : typical_rates()) {
+                if (rate.operation != operation || (!any_method && rate.method != method) ||
+                    !(nanoseconds(rate, size, any_size) > 0))
+                    continue;
+                if (rate.cost <= cost && (below == nullptr || rate.cost > below->cost)) below = &rate;
+                if (rate.cost >= cost && (above == nullptr || rate.cost < above->cost)) above = &rate;
+            }
+            if (below == nullptr && above == nullptr) continue;
+            auto const at = [&](TypicalRate const& rate) { return 1e-9 * nanoseconds(rate, size, any_size); };
+            if (below == nullptr || above == nullptr) {
+                TypicalRate const& end = below == nullptr ? *above : *below;
+                return Typical{at(end) * (end.cost > 0 ? cost / end.cost : 1), end.shared};
+            }
+            double const between = above->cost - below->cost, share = between > 0 ? (cost - below->cost) / between : 0;
+            return Typical{at(*below) + share * (at(*above) - at(*below)), below->shared};
+        }
+    return {};
 }
 
 std::string file_mark(std::filesystem::path const& path) {
@@ -269,6 +264,8 @@ bool only_ours(std::string const& path) {
 }
 
 } // namespace
+
+std::string method_of(Plan const& plan) { return plan.method.substr(0, plan.method.find_first_of("0123456789")); }
 
 std::string processor_name() {
     std::ifstream file("/proc/cpuinfo");
@@ -318,63 +315,73 @@ double Prediction::seconds() const {
     return ended_ + std::max({reading_, computing_ > 0 ? computing_ + hindered : 0, writing_, busy_ / processors_});
 }
 
-Calibration calibrate() {
+Calibration calibrate_computing() {
     Calibration result;
     result.threads = default_threads();
     for (std::size_t many = 0; many < 2; ++many) {
         result.copy[many] = copy_rate(many == 0 ? 1 : result.threads);
         result.scan[many] = scan_rate(many == 0 ? 1 : result.threads);
     }
-    file_rates(result);
-    result.start = start_seconds();
     OwnProcessors const own(result.threads);
     for (char const* const type : {"uint16", "float32"}) {
         Volume const volume = noise(type);
         for (auto const& one : cases())
             for (auto const& setting : one.settings)
-                result.rates.push_back(rate_of(one, setting, volume, result.threads));
+                result.rates.push_back(rate_of(one.operation, setting, volume, result.threads));
     }
     return result;
 }
 
-double Calibration::seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs,
-                            bool reduction, int count) const {
+Calibration calibrate() {
+    Calibration result = calibrate_computing();
+    file_rates(result);
+    result.start = start_seconds();
+    return result;
+}
+
+std::optional<double> Calibration::seconds(std::string const& verb, Plan const& plan, std::vector<Header> const& inputs,
+                                           bool reduction, int count) const {
     if (plan.shift && plan.cost == 0) return 0; // nothing is touched
     Header const& counted = reduction && !inputs.empty() ? inputs.front() : plan.output;
     Header const& read = inputs.empty() ? plan.output : inputs.front();
-    auto const voxels = static_cast<double>(counted.voxels());
-    auto const size = static_cast<double>(size_of(read.dtype));
-    double const written = reduction ? 0 : static_cast<double>(plan.output.bytes());
-    double const moved = (static_cast<double>(read.bytes()) + written) / (2 * between(copy, count, threads)) / voxels;
-    double const scanned = plan.scans ? static_cast<double>(read.bytes()) / between(scan, count, threads) : 0;
-    int const bytes = size > 2 ? 4 : 2;
+    std::string const operation(operation_name(verb)), method = method_of(plan);
+    auto const rate = typical_rate(operation, method, plan.cost, size_of(read.dtype));
+    if (!rate) return {};
+    double const alone =
+        static_cast<double>(counted.voxels()) * rate->seconds * slower(operation, method, size_of(read.dtype));
+    return alone * ((1 - rate->shared) + rate->shared / speedup(operation, count));
+}
 
-    std::vector<OperationRate const*> measured;
+double Calibration::slower(std::string const& operation, std::string const& method, std::size_t bytes) const {
+    int const of_bytes = bytes > 2 ? 4 : 2;
+    std::vector<double> all, own, same;
+    for (auto const& then : typical_calibration())
+        for (auto const& now : rates) {
+            if (now.bytes != of_bytes || then.bytes != of_bytes || now.operation != then.operation ||
+                now.method != then.method || std::abs(now.cost - then.cost) > 0.01 * then.cost)
+                continue;
+            double const ratio = 1e9 * now.seconds[0] / then.nanoseconds;
+            all.push_back(ratio);
+            if (now.operation != operation) continue;
+            own.push_back(ratio);
+            if (now.method == method) same.push_back(ratio);
+        }
+    std::vector<double>& of = !same.empty() ? same : !own.empty() ? own : all;
+    if (of.empty()) return 1;
+    auto const middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
+    std::nth_element(of.begin(), middle, of.end());
+    return *middle;
+}
+
+double Calibration::speedup(std::string const& operation, int count) const {
     bool const known = std::ranges::any_of(rates, [&](auto const& rate) { return rate.operation == operation; });
+    double sum = 0, n = 0;
     for (auto const& rate : rates)
-        if (rate.bytes == bytes && rate.operation == (known ? operation : "filter gaussian")) measured.push_back(&rate);
-    if (measured.empty()) return voxels * moved + scanned;
-    std::string const method = method_of(plan);
-    auto const same = [&](OperationRate const* rate) { return rate->method == method; };
-    if (std::ranges::any_of(measured, same)) std::erase_if(measured, std::not_fn(same));
-    // Two costs tell what does not grow with them; of one, it is what memory takes, where it computes more than that.
-    auto const [low, high] = std::ranges::minmax(measured, {}, [](auto const* rate) { return rate->cost; });
-    auto const mean_at = [&](double cost) {
-        double sum = 0, n = 0;
-        for (auto const* rate : measured)
-            if (std::abs(rate->cost - cost) <= 0.5) sum += between(rate->seconds, count, threads), ++n;
-        return sum / n;
-    };
-    double const least = mean_at(low->cost), most = mean_at(high->cost);
-    double fixed = low->cost > 4 ? std::min(moved, least) : least;
-    double per_cost = low->cost > 4 ? (least - fixed) / low->cost : 0;
-    if (high->cost - low->cost > 0.5 && most > least) {
-        per_cost = std::min((most - least) / (high->cost - low->cost), most / high->cost);
-        fixed = std::max(0.0, least - per_cost * low->cost);
-    }
-    double const wider = std::max(1.0, size / bytes);
-    if (known) return voxels * (fixed + per_cost * plan.cost) * wider + scanned;
-    return voxels * std::max(moved, per_cost * plan.cost) + scanned;
+        if (rate.operation == (known ? operation : "filter gaussian")) {
+            sum += std::log(rate.seconds[0] / between(rate.seconds, count, threads));
+            ++n;
+        }
+    return n > 0 ? std::max(1.0, std::exp(sum / n)) : 1;
 }
 
 double Calibration::reading(Header const& header) const { return static_cast<double>(header.bytes()) / file_read; }

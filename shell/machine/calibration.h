@@ -33,15 +33,22 @@ struct Calibration {
     double start = 0; ///< seconds until the program has begun and ended, doing little
     std::vector<OperationRate> rates;
 
-    /// Seconds that a stage computes, of voxels of the output, or of the input for reductions: from what was measured
-    /// of its method, else of its operation, in proportion to the multiply-adds of its plan. Operations that were not
-    /// measured are taken for as fast as the Gaussian is for their multiply-adds, and for no faster than memory.
-    double seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs, bool reduction,
-                   int threads) const;
+    /// Seconds that a stage computes: what is typical of its operation, method and cost (typical_rates.h), times how
+    /// much slower than typical the operation was measured here, or else the median of those that were. None of what is
+    /// not in that list.
+    std::optional<double> seconds(std::string const& verb, Plan const& plan, std::vector<Header> const& inputs,
+                                  bool reduction, int threads) const;
     /// Seconds to read a file of such a volume, or to write it.
     double reading(Header const& header) const;
     double writing(Header const& header) const;
+
+private:
+    double slower(std::string const& operation, std::string const& method, std::size_t bytes) const;
+    double speedup(std::string const& operation, int threads) const;
 };
+
+/// What a plan's method is called, without its numbers.
+std::string method_of(Plan const& plan);
 
 /// Seconds of a pipeline within one process, of those of its stages. A thread reads ahead and one writes behind, so
 /// that these overlap with what is computed, as far as there are processors.
@@ -67,6 +74,8 @@ private:
 
 /// Measures, in about two seconds.
 Calibration calibrate();
+/// What of it is about computing alone: nothing of files, nor of the program's start.
+Calibration calibrate_computing();
 
 /// Where calibrations are kept: $XDG_CACHE_HOME/vkt/calibration, or below ~/.cache. Empty if neither is known.
 std::string calibration_path();

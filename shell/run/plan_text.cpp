@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/prepared.h"
 #include "libvkt/engine/tree_run.h"
 
 #include <algorithm>
@@ -58,10 +59,20 @@ bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
 
 constexpr double ring = 3; ///< pieces in flight at an input or an output
 
-double in_flight(Header const& h, Execution const& execution) {
+double in_flight(Header const& h, Execution const& execution, std::int64_t hint = 0) {
     if (is_tree(h)) return static_cast<double>(bricks_in_flight(h, execution));
-    Cut const cut = cut_of(h, 0, execution);
+    Cut const cut = cut_of(h, hint, execution);
     return ring * static_cast<double>(h.dims.x * cut.rows * cut.slices) * static_cast<double>(size_of(h.dtype));
+}
+
+/// Of an operation's result, which comes in slabs as high as suit the operation, or as the input's, if it computes them
+/// voxel by voxel.
+double result_in_flight(Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
+                        Execution const& execution) {
+    double const bytes = in_flight(plan.output, execution, plan.slab_hint);
+    bool const in_step = operation != nullptr && operation->shape() == Shape::pointwise && plan.slab_hint == 0;
+    if (!in_step || inputs.empty() || is_tree(inputs.front()) || is_tree(plan.output)) return bytes;
+    return std::max(bytes, in_flight(plan.output, execution, cut_of(inputs.front(), 0, execution).slices));
 }
 
 /// How an operation on trees works.
@@ -86,11 +97,32 @@ char const* text_of(TreeAccess access) {
     return ", holds the whole volume";
 }
 
-/// How an operation on grids works, as if nothing lay in memory already; nothing of trees and reductions.
-std::optional<WorkPlan> work_of(Operation* operation, Plan const& plan, std::vector<Header> const& inputs,
-                                Execution const& execution) {
-    if (operation == nullptr || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree)) return {};
-    return work_plan(*operation, plan, inputs, {}, 0, execution);
+/// What an operation looks at instead of its first input, and what computing that takes besides.
+struct Preparation {
+    Header made;
+    double bytes = 0;
+};
+std::optional<Preparation> preparation_of(Operation* operation, Plan const& plan, std::vector<Header> const& inputs,
+                                          Execution const& execution) {
+    auto* const prepared = dynamic_cast<Prepared*>(operation);
+    if (prepared == nullptr || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree)) return {};
+    Operation* const first = prepared->preparation();
+    if (first == nullptr) return {};
+    std::span<Header const> const read{inputs.data(), 1};
+    Plan const made = begun(*first, read);
+    WorkPlan const work = work_plan(*first, made, read, {}, 0, execution);
+    return Preparation{made.output, static_cast<double>(work.bytes)};
+}
+
+/// How an operation on grids works, as if nothing lay in memory already but what was prepared for it; nothing of trees
+/// and reductions.
+std::optional<WorkPlan> work_of(Operation* operation, Plan const& plan, std::vector<Header> const& looked_at,
+                                bool prepared, Execution const& execution) {
+    if (operation == nullptr || is_tree(plan.output) || std::any_of(looked_at.begin(), looked_at.end(), is_tree))
+        return {};
+    std::vector<bool> lent;
+    if (prepared) lent.push_back(looked_at.front().bytes() <= spool_limit(looked_at.size(), execution));
+    return work_plan(*operation, plan, looked_at, lent, 0, execution);
 }
 
 /// True if input i is scanned and then read once more; what is needed for the scan alone is not kept.
@@ -100,14 +132,14 @@ bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::si
 
 /// Of trees what is said of them; of grids pieces in flight at input and output, windows, what the operation keeps, and
 /// a spooled volume: what a stage holds at most.
-double peak_bytes(std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work, Plan const& plan,
-                  std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
+double peak_bytes(Operation const* operation, std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work,
+                  Plan const& plan, std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
+    double const result = reduction ? 0 : result_in_flight(operation, plan, inputs, execution);
     auto bytes = static_cast<double>(tree ? tree->bytes : work ? work->bytes : plan.state_bytes);
     if (work && plan.whole && !work->lines) // its inputs are in it
-        return bytes + static_cast<double>(plan.output.bytes()) + in_flight(plan.output, execution);
-    if (tree) return bytes + (reduction || is_tree(plan.output) ? 0 : in_flight(plan.output, execution));
-    if (!reduction)
-        bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);
+        return bytes + static_cast<double>(plan.output.bytes()) + result;
+    if (tree) return bytes + (is_tree(plan.output) ? 0 : result);
+    if (!reduction) bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : result;
     if (is_tree(plan.output)) return bytes; // the plan's own state says what it holds of its input
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         Header const& in = inputs[i];
@@ -128,11 +160,18 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
         line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
                      plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
     std::optional<TreeWork> const tree = tree_work_of(operation, plan, inputs, execution, reduction);
-    std::optional<WorkPlan> const work = reduction ? std::nullopt : work_of(operation, plan, inputs, execution);
+    auto const preparation = reduction ? std::nullopt : preparation_of(operation, plan, inputs, execution);
+    std::vector<Header> looked_at = inputs;
+    if (preparation) looked_at.front() = preparation->made;
+    std::optional<WorkPlan> const work =
+        reduction ? std::nullopt : work_of(operation, plan, looked_at, preparation.has_value(), execution);
     if (is_tree(plan.output) && (inputs.empty() || !is_tree(inputs.front())))
         check_budget(std::max(plan.state_bytes, plan.output.bytes()), execution);
     if (operation != nullptr || reduction)
-        line += text(", peak memory about ", bytes_text(peak_bytes(tree, work, plan, inputs, execution, reduction)));
+        line += text(", peak memory about ",
+                     bytes_text((preparation ? preparation->bytes : 0) +
+                                peak_bytes(operation, tree, work, plan, looked_at, execution, reduction)),
+                     plan.grows_by.empty() ? "" : " and ", plan.grows_by);
     bool const jumps = work && work->jumps;
     bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
     bool const spools = jumps || plan.access == Access::random || again;

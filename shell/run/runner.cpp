@@ -98,14 +98,19 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const trees =
         plan.output.kind != Kind::structured ||
         std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
+    Calibration const* const known = calibration();
+    if (known == nullptr) return;
+    std::optional<double> seconds;
     if (!trees && execution.device != Device::gpu)
-        if (Calibration const* const known = calibration()) {
-            double const seconds = known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads);
-            bool const waits = plan.whole || plan.scans || plan.access == Access::random;
-            prediction()->compute(seconds, execution.threads, waits);
-            tell_seconds(stage, "", seconds);
-            predicted_.insert(&stage);
-        }
+        seconds = known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads);
+    if (!seconds) {
+        tell_unpredicted(stage);
+        return;
+    }
+    bool const waits = plan.whole || plan.scans || plan.access == Access::random;
+    prediction()->compute(*seconds, execution.threads, waits);
+    tell_seconds(stage, "", *seconds);
+    predicted_.insert(&stage);
 }
 
 Calibration const* Runner::calibration() {
@@ -125,6 +130,8 @@ bool Runner::explains(Invocation const& stage) const {
 void Runner::tell_seconds(Invocation const& stage, std::string const& what, double seconds) {
     log_.answer(text(stage.stage(), ":   ", what, "about ", short_number(seconds), " s on this machine\n"));
 }
+
+void Runner::tell_unpredicted(Invocation const& stage) { log_.answer(stage.stage() + ":   time not predicted\n"); }
 
 void Runner::predict_reading(Invocation const& stage, Header const& header, std::int64_t parts) {
     Calibration const* const known = calibration();
@@ -155,6 +162,20 @@ void Runner::tell_prediction() const {
                      ": about ", short_number(prediction_->seconds() + calibration_->start),
                      " s, the start of the program included\n"));
 }
+
+namespace {
+
+/// A stage with --budget writes no volume, but the pipeline as text; whoever runs it may read that from a pipe, too.
+void refuse_printed_pipeline(ByteSource& bytes) {
+    constexpr std::string_view begins = "vkt ";
+    auto const first = bytes.peek(begins.size());
+    bool const same = std::ranges::equal(first, begins, {}, [](std::byte b) { return static_cast<char>(b); });
+    if (same)
+        throw Error(ErrorKind::usage, "what comes in is the pipeline that --budget printed, not a volume",
+                    "--budget belongs to the last command of a dry run: leave it out before");
+}
+
+} // namespace
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
@@ -190,6 +211,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     } else {
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
             ipc::refuse_empty(bytes->name(), bytes->descriptor());
+        if (!described && bytes->descriptor() == STDIN_FILENO) refuse_printed_pipeline(*bytes);
         if (stage.consumer() != nullptr && stage.consumer()->reads_pictures() && !directory && is_picture(*bytes))
             return picture_source(std::move(bytes));
         ReadOptions options = stated;

@@ -109,6 +109,7 @@ private:
     /// None without one that was kept of this machine and build.
     Calibration const* calibration();
     void tell_seconds(Invocation const& stage, std::string const& what, double seconds);
+    void tell_unpredicted(Invocation const& stage);
     void tell_prediction() const;
     void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold

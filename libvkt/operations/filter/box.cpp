@@ -68,7 +68,8 @@ void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) cons
     Index3 const edges = Radius{radius}.edges();
     plan.method = text("windows of sums, ", edges.x, "x", edges.y, "x", edges.z,
                        box_sum_bytes(type, radius) == 4 ? ", int32" : ", float64");
-    plan.cost = 2 * std::log2(static_cast<double>(edges.x)) + 8;
+    double const steps = std::log2(static_cast<double>(std::max({edges.x, edges.y, edges.z})));
+    plan.cost = box_sum_bytes(type, radius) == 4 ? 32 * steps : 50 * steps + 10;
     plan.slab_hint = std::max<std::int64_t>(8, 8 * radius.z);
     bool const whole = is_integer(type);
     if (whole && size_of(type) < 8 && count_of(radius) * (highest_of(type) - lowest_of(type)) < 0x1p53) return;

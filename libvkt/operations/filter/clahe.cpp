@@ -85,7 +85,7 @@ Plan Clahe::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = in;
     plan.scans = true;
-    plan.cost = 32;
+    plan.cost = 180;
     Index3 const b = field.grid.bricks;
     plan.method = text("CLAHE, ", b.x, "x", b.y, "x", b.z, " bricks, ", bin_count_, " bins, clip ", clip(), " as ",
                        enum_name(rule_));

@@ -59,19 +59,31 @@ std::string_view name_of(Interpolant interpolant) {
     return {};
 }
 
-/// Multiply-adds of a sample.
+/// How many times as long a sample takes where neighbours of a row lie in other rows or slices of the input.
+double scatter(Affine const& map) {
+    auto const keeps = [&](int axis) {
+        for (int other = 0; other < 3; ++other)
+            if (other != axis && (map.column[static_cast<std::size_t>(axis)][other] != 0 ||
+                                  map.column[static_cast<std::size_t>(other)][axis] != 0))
+                return false;
+        return true;
+    };
+    return keeps(2) ? 1 : keeps(0) || keeps(1) ? 1.5 : 3;
+}
+
+/// Multiply-adds of a sample, and what finding its voxels takes.
 double cost_of(Interpolant interpolant) {
     switch (interpolant) {
     case Interpolant::nearest:
-        return 1;
+        return 50;
     case Interpolant::linear:
-        return 14;
+        return 80;
     case Interpolant::cubic:
     case Interpolant::bspline3:
-        return 84;
+        return 250;
     case Interpolant::bspline5:
     case Interpolant::lanczos3:
-        return 258;
+        return 650;
     }
     return 0;
 }
@@ -307,7 +319,7 @@ void Onto::describe(Plan& plan) const {
         plan.method = text("onto a turned grid: ", name_of(sampling_.interpolant),
                            count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");
         if (!exact) plan.error = error_of(plan.output, 64 + 2 * count);
-        plan.cost = exact ? 0 : count * cost_of(sampling_.interpolant);
+        plan.cost = count * cost_of(sampling_.interpolant) * scatter(placement_.map);
         if (spline_.prefilter.radius > 0) {
             plan.method += text(", prefilter of radius ", spline_.prefilter.radius);
             plan.cost += 3 * static_cast<double>(spline_.prefilter.radius);

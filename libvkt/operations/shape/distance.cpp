@@ -97,7 +97,7 @@ Plan Distance::plan(std::span<Header const> inputs) const {
     plan.output.units.clear();
     plan.output.attributes.erase("background");
     plan.whole = true;
-    plan.cost = 300;
+    plan.cost = both ? 540 : 300;
     if (in.kind == Kind::hierarchical) return plan; // refused by the engine
     Index3 const dims = roi.resolve(in.dims).dims();
     bool const world = unit == LengthUnit::world;

@@ -52,6 +52,7 @@ Plan FillHoles::plan(std::span<Header const> inputs) const {
     plan.cost = 60;
     if (in.kind == Kind::hierarchical) return plan; // refused by the engine
     plan.state_bytes = Components::table_bytes(roi.resolve(in.dims).dims());
+    plan.grows_by = "4 bytes a run of zero voxels in a row, 80 a component of them";
     return plan;
 }
 

@@ -63,8 +63,9 @@ Plan Label::plan(std::span<Header const> inputs) const {
     plan.scans = true;
     plan.passing = ErrorPassing::jumps();
     plan.method = text("runs and union-find, ", connectivity, "-connected");
-    plan.cost = 120;
+    plan.cost = by_value ? 120 : 85;
     if (in.kind == Kind::hierarchical) return plan; // refused by the engine
+    plan.grows_by = "4 bytes a run of voxels in a row, 72 a component";
     plan.state_bytes = Components::table_bytes(roi.resolve(in.dims).dims());
     return plan;
 }

@@ -112,7 +112,7 @@ Plan Watershed::plan(std::span<Header const> inputs) const {
     mark_as_labels(plan.output);
     plan.whole = true;
     plan.passing = ErrorPassing::jumps();
-    plan.cost = 3000;
+    plan.cost = on == Relief::distance ? 5000 : 10000;
     plan.method = text("flooding from ",
                        markers     ? "markers"
                        : depth > 0 ? "deep minima"

@@ -262,7 +262,7 @@ Plan GroupedStatistics::plan(std::span<Header const> inputs) const {
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
     }
-    plan.cost = 20;
+    plan.cost = mask != nullptr && labels == nullptr ? 350 : 600;
     if (!percents.values.empty()) plan.scans = true;
     return plan;
 }

@@ -239,8 +239,8 @@ Plan Histogram::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = in;
     plan.scans = range_.depends() && !by_pattern;
-    plan.method = text(bin_count_, " bins", plan.scans ? ", after their range" : "");
-    plan.cost = 4;
+    plan.method = text("counting in ", bin_count_, " bins", plan.scans ? ", after their range" : "");
+    plan.cost = 24 + (range_.depends() ? 16 : 0) + (plan.scans && ends.has_percentiles() ? 120 : 0);
     plan.state_bytes =
         (static_cast<std::size_t>(bin_count_) + (by_pattern ? 65536 : 0) + 3) * 8 * 3 + ends.state_bytes();
     if (small) plan.state_bytes += std::size_t{4} << 18; // threads count words

@@ -56,7 +56,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
     plan.output = in;
     plan.output.attributes.erase("background");
     plan.carries = true;
-    plan.cost = 4;
+    plan.cost = 25;
     plan.slab_hint = 16; // threads follow one another a slice behind
     Index3 const n = state.dims;
     double const voxels = volume_of(n);

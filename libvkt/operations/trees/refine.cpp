@@ -139,7 +139,7 @@ Texts Refine::texts() const {
         "voxels by at most the tolerance.",
         {{"Within a hundredth",
           "vkt make sphere --dims 64 48 48 --edge coverage | vkt refine --tolerance 0.01 | vkt info"},
-         {"As small as the noise allows", "vkt refine volume.nrrd --tolerance noise --dtype auto | vkt info"},
+         {"As small as the noise allows", "vkt refine volume.nrrd --tolerance noise | vkt info"},
          {"There and back", "vkt refine volume.nrrd --tolerance 1 | vkt resample --scale 1 | vkt diff volume.nrrd - "
                             "--tolerance 1"}}};
 }
@@ -151,11 +151,15 @@ void Refine::parameters(Parameters& p) {
     p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
     p.option("transfer", transfer, "FILE",
              "with --metric transfer: the transfer function, a JSON file or the JSON itself");
-    p.option("block-size", block, "N",
-             "cells of a block along each axis, 1 to 64; mixed: 2 to 16; auto: the best of 4, 8, 16, mixed");
+    p.option(
+        "block-size", block, "N",
+        "cells of a block along each axis, 1 to 64 (8); mixed (with --tolerance noise): 2 to 16; auto: the best of "
+        "4, 8, 16, mixed");
     p.option("levels", levels, "N", "most levels, 1 to 16");
     p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
-    p.option("dtype", dtype, "TYPE", "auto: store cells in the smallest type that a quarter of the tolerance allows");
+    p.option(
+        "dtype", dtype, "TYPE",
+        "of the cells: keep, or auto (with --tolerance noise): the smallest that a quarter of the tolerance allows");
     p.option("background", background, "VALUE", "leave out blocks that stay within the tolerance of this value");
 }
 
@@ -165,9 +169,6 @@ void Refine::check() const {
         throw Error(ErrorKind::usage,
                     text("--method ", enum_name(method), " cannot promise a tolerance at voxel centres"),
                     "use --method basis or --method nearest");
-    if (dtype && !dtype->smallest)
-        throw Error(ErrorKind::usage, text("--dtype ", dtype->type, ": only auto keeps to the tolerance"),
-                    "change the type before: vkt convert");
     if ((metric == RefineMetric::transfer) == transfer.empty())
         throw Error(ErrorKind::usage, transfer.empty() ? "--metric transfer needs --transfer FILE"
                                                        : "--transfer is for --metric transfer");
@@ -185,20 +186,27 @@ std::vector<Knob> Refine::knobs() const {
     return {knob};
 }
 
+BlockSize Refine::blocks() const { return block.value_or(BlockSize{.mixed = tolerance.noise}); }
+
+bool Refine::finds_type() const {
+    return dtype.value_or(tolerance.noise ? CellType::automatic : CellType::keep) == CellType::automatic;
+}
+
 Plan Refine::plan(std::span<Header const> inputs) const {
     Header const& in = inputs.front();
     if (in.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "the volume is hierarchical already", "make it a grid first: vkt resample");
     if (metric == RefineMetric::transfer) static_cast<void>(function()); // or it is refused
-    if (background && !dtype) require_background(*background, in);
+    if (background && !finds_type()) require_background(*background, in);
     Plan plan;
     plan.output = in;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
     plan.output.level_count = 1;
+    BlockSize const size = blocks();
     plan.method = text("blocks of ",
-                       block.best    ? "4, 8, 16 or mixed"
-                       : block.mixed ? "2 to 16"
-                                     : to_text(block.cells),
+                       size.best    ? "4, 8, 16 or mixed"
+                       : size.mixed ? "2 to 16"
+                                    : to_text(size.cells),
                        " cells a side, at most ", levels, " levels, ", enum_name(method),
                        tolerance.noise ? ", as exact as the noise" : "",
                        metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
@@ -212,7 +220,7 @@ Plan Refine::plan(std::span<Header const> inputs) const {
         plan.passing.because = "all voxels are read before the noise is known";
     else
         plan.passing = ErrorPassing::averaged(1, values_of(in));
-    plan.cost = block.best ? 1500 : 500;
+    plan.cost = size.best ? 8000 : size.mixed ? 3500 : 1500;
     plan.state_bytes = bytes_to_refine(in);
     return plan;
 }
@@ -221,12 +229,13 @@ Plan Refine::plan(std::span<Header const> inputs) const {
 /// the volume.
 std::size_t Refine::bytes_to_refine(Header const& in) const {
     auto const voxels = static_cast<double>(in.voxels());
+    BlockSize const size = blocks();
     // Of mixed blocks few stay as small as they can be.
-    double const cells = block.best || block.mixed ? 4 : static_cast<double>(block.cells);
+    double const cells = size.best || size.mixed ? 4 : static_cast<double>(size.cells);
     Index3 const n = in.dims;
     double const flat = static_cast<double>((n.x == 1 ? 1 : 0) + (n.y == 1 ? 1 : 0) + (n.z == 1 ? 1 : 0));
     double const bricks = voxels / std::pow(cells, 3 - flat);
-    double const volumes = 1 + (dtype ? 1 : 0) + (block.best ? 2 : 1);
+    double const volumes = 1 + (finds_type() ? 1 : 0) + (size.best ? 2 : 1);
     double const bytes = volumes * static_cast<double>(in.bytes()) + voxels / 7 * sizeof(double) +
                          bricks * (2 * sizeof(Brick) + Reconstructor::bytes_per_brick);
     return static_cast<std::size_t>(std::min(bytes, 0x1p62));
@@ -236,6 +245,7 @@ void Refine::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs.front();
     used_ = noise_ = error_ = 0;
     found_.clear();
+    grown_.clear();
 }
 
 render::TransferFunction const& Refine::function() const {
@@ -253,8 +263,9 @@ Volume Refine::best(Volume const& volume, RefineOptions options, Execution const
         std::int64_t block, largest;
     };
     constexpr Sizes mixed{2, 16};
-    std::vector<Sizes> sizes{block.mixed ? mixed : Sizes{block.cells, 0}};
-    if (block.best) sizes = {{4, 0}, {8, 0}, {16, 0}, mixed};
+    BlockSize const asked = blocks();
+    std::vector<Sizes> sizes{asked.mixed ? mixed : Sizes{asked.cells, 0}};
+    if (asked.best) sizes = {{4, 0}, {8, 0}, {16, 0}, mixed};
     for (Sizes const& size : sizes) {
         options.block = size.block;
         options.largest = size.largest;
@@ -272,7 +283,7 @@ std::optional<Volume> Refine::take_whole(Volume input, Execution const& executio
     }
     Volume stored = input;
     double left = used_;
-    if (dtype) {
+    if (finds_type()) {
         ErrorInMetric const error = metric == RefineMetric::transfer   ? error_of_levels(scale_of(function(), {}))
                                     : metric == RefineMetric::gradient ? error_of_gradient(input.header())
                                                                        : error_of_values();
@@ -303,13 +314,19 @@ std::optional<Volume> Refine::take_whole(Volume input, Execution const& executio
     }
     Volume output = best(stored, options, execution);
     error_ = used_;
-    if (tolerance.noise || dtype || block.best || block.mixed) {
-        double const before = static_cast<double>(input.header().bytes()), now = static_cast<double>(bytes_of(output));
+    double const before = static_cast<double>(input.header().bytes()), now = static_cast<double>(bytes_of(output));
+    if (tolerance.noise || finds_type() || blocks().best || blocks().mixed)
         found_ = text(tolerance.noise ? text("noise ", noise_, " (robust estimate), tolerance ", used_, ": ")
                                       : std::string(),
                       output.header().dtype, " in ", static_cast<std::uint64_t>(output.bricks().size()), " bricks, ",
                       bytes_text(now), " with their places instead of ", bytes_text(before), ", ",
                       std::round(10 * before / now) / 10, " times as small");
+    if (now > before) {
+        std::string remedies = "a larger --tolerance";
+        if (!blocks().mixed && !blocks().best) remedies += ", --block-size mixed";
+        if (!finds_type() && used_ > 0) remedies += ", --dtype auto";
+        grown_ = text("the result takes ", bytes_text(now), ", more than the volume's ", bytes_text(before),
+                      ": nearly all of it stays fine; ", remedies, " may help, or keep the grid");
     }
     return output;
 }
@@ -325,8 +342,10 @@ void Refine::after_scan(Plan& plan) const {
 }
 
 std::vector<Remark> Refine::remarks() const {
-    if (found_.empty()) return {};
-    return {{found_, false}};
+    std::vector<Remark> result;
+    if (!found_.empty()) result.push_back({found_, false});
+    if (!grown_.empty()) result.push_back({grown_, false});
+    return result;
 }
 
 void Refine::run(std::span<ConstView const>, AnyView, Execution const&) {

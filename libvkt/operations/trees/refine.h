@@ -37,6 +37,17 @@ template <> struct ValueText<BlockSize> : OneWord {
     }
 };
 
+/// What becomes of the type of the cells.
+enum class CellType : std::uint8_t {
+    keep,
+    automatic, ///< the smallest that a quarter of the tolerance allows
+};
+template <> struct EnumNames<CellType> {
+    static std::vector<std::pair<CellType, char const*>> all() {
+        return {{CellType::keep, "keep"}, {CellType::automatic, "auto"}};
+    }
+};
+
 /// What is to differ by no more than the tolerance.
 enum class RefineMetric : std::uint8_t {
     value,    ///< physical values
@@ -51,20 +62,20 @@ template <> struct EnumNames<RefineMetric> {
 };
 
 /// What resampling makes of the result at the voxels' centres differs by no more than the tolerance; see
-/// vkt::refine(). With a dtype voxels are first stored in the smallest type whose error makes no more than a quarter of
-/// the tolerance of what the metric looks at, see Convert; what that leaves is for the bricks. Under a transfer
-/// function a difference of two values is the way that colour times opacity, or opacity, goes between them (that of the
-/// four that goes furthest, at every value): what is interpolated between voxels then differs by no more either. The
-/// volume is held whole, since a tree has no slabs: its size and 8/7 doubles for every eighth voxel.
+/// vkt::refine(). With an automatic type voxels are first stored in the smallest type whose error makes no more than a
+/// quarter of the tolerance of what the metric looks at, see Convert; what that leaves is for the bricks. Under a
+/// transfer function a difference of two values is the way that colour times opacity, or opacity, goes between them
+/// (that of the four that goes furthest, at every value): what is interpolated between voxels then differs by no more
+/// either. The volume is held whole, since a tree has no slabs: its size and 8/7 doubles for every eighth voxel.
 class Refine : public Operation, public Tunable {
 public:
     RefineTolerance tolerance;
-    BlockSize block;
+    std::optional<BlockSize> block; ///< 8; to the noise mixed, since who asks for that asks for the smallest
     int levels = 8;
     Reconstruction method = Reconstruction::basis;
     RefineMetric metric = RefineMetric::value;
-    std::string transfer; ///< a JSON file, or the JSON itself
-    std::optional<ResultType> dtype;
+    std::string transfer;             ///< a JSON file, or the JSON itself
+    std::optional<CellType> dtype;    ///< kept; to the noise the smallest
     std::optional<double> background; ///< physical value
 
     std::string_view name() const override { return "refine"; }
@@ -81,6 +92,8 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    BlockSize blocks() const;
+    bool finds_type() const;
     std::size_t bytes_to_refine(Header const& in) const;
     Volume best(Volume const& volume, RefineOptions options, Execution const& execution) const;
     render::TransferFunction const& function() const;
@@ -91,6 +104,7 @@ private:
     double noise_ = 0;  ///< that was found, a physical value
     double error_ = 0;  ///< |physical value - reconstruction| is at most this, for the metric of values
     std::string found_; ///< what became of the volume
+    std::string grown_; ///< that it became larger
 };
 
 } // namespace vkt

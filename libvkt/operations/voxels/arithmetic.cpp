@@ -349,8 +349,9 @@ Plan Arithmetic::plan(std::span<Header const> inputs) const {
                                                              : "float64";
     if (choice.settles) plan.method += ", exact where that would round twice";
     if (choice.algorithm == Algorithm::in_integers) plan.cost = 8;
+    if (op == ArithmeticOp::div && is_integer(choice.type)) plan.cost = 60; // divisors of 0 are looked for
     if (is_function(op)) {
-        plan.cost = op == ArithmeticOp::sqrt ? 4 : 20;
+        plan.cost = op == ArithmeticOp::sqrt ? 60 : op == ArithmeticOp::pow ? 450 : 180;
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 4 * 0x1p-53 + storing_error(choice.type);
     } else if (!(choice.maps == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, if none cancel

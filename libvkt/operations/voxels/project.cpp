@@ -95,7 +95,7 @@ Plan Project::plan(std::span<Header const> inputs) const {
     bool const sorts = kind == Projection::median;
     plan.method = sorts ? "sorted lines" : "one pass, an accumulator a pixel";
     plan.scans = !sorts;
-    plan.cost = sorts ? n * 8 : n;
+    plan.cost = n * (sorts ? 40 : kind == Projection::std ? 8 : 3);
     plan.state_bytes = sorts ? 0 : state_for(inputs[0]).bytes();
     return plan;
 }

@@ -63,6 +63,7 @@ Plan Threshold::plan(std::span<Header const> inputs) const {
     plan.passing = ErrorPassing::jumps(ValueInterval{0, 1});
     plan.method = otsu ? "histogram first, then comparison" : "comparison";
     plan.scans = otsu;
+    if (otsu) plan.cost = size_of(in.dtype) <= 2 ? 40 : 140;
     if (otsu) plan.state_bytes = Otsu::state_bytes;
     return plan;
 }

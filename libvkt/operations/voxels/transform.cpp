@@ -222,7 +222,7 @@ Plan Transform::plan_for(Place const& place, Expression const& parsed) const {
     double const digits = in_float ? 0x1p24 : 0x1p53;
     for (std::size_t i = 0; i < of.size(); ++i) {
         Node const& node = parsed.nodes()[i];
-        plan.cost += is_function(node.op) ? 20 : 1;
+        plan.cost += !is_function(node.op) ? 1 : node.op == Op::sqrt ? 3 : 20;
         bool const whole = of[i].whole && std::max(-of[i].low, of[i].high) <= digits &&
                            (node.op == Op::add || node.op == Op::sub || node.op == Op::mul || node.op == Op::mod);
         // What several roundings make of values that cancel is not known.

@@ -266,8 +266,8 @@ def read_series(path: str | os.PathLike[str], **options: Any) -> Series: ...
 def read_stream(file: Any) -> Iterator[Volume]: ...
 def refine(
     volume: Volume, *, tolerance: SupportsFloat, metric: Literal['value', 'gradient', 'transfer'] = 'value',
-    transfer: Value | None = None, block_size: SupportsIndex = 8, levels: SupportsIndex = 8,
-    method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: DType | None = None,
+    transfer: Value | None = None, block_size: SupportsIndex | None = None, levels: SupportsIndex = 8,
+    method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: Literal['keep', 'auto'] | None = None,
     background: SupportsFloat | None = None, device: Value = 'auto', threads: SupportsIndex | None = None,
     memory: Value | None = None, slab: SupportsIndex = 0,
 ) -> Volume: ...
