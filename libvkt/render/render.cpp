@@ -375,7 +375,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             if (!there.scene)
                 there.scene = tree_ ? std::make_unique<DeviceCopies>()
                                     : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-            SceneView const view = there.scene->scene(scene, ready, settings.environment);
+            SceneView const view =
+                there.scene->scene(scene, ready, integrator == Integrator::scatter ? settings.environment : nullptr);
             if (tree_) {
                 if (!there.tree) there.tree = std::make_unique<DeviceTree>(*tree_);
                 gpus.push_back({gpu, view,

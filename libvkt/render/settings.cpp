@@ -110,7 +110,8 @@ void SettingsParameters::declare(Parameters& list) {
         .choices = {"auto", "none", "gradient"};
     list.option("light-direction", s.light_direction, "X,Y,Z",
                 "direction towards the light, in world axes, instead of a light at the camera");
-    list.option("ambient", s.ambient, "SHARE", "share of the light that comes from everywhere, 0 to 1");
+    list.option("ambient", s.ambient, "SHARE",
+                "share of the light that comes from everywhere, 0 to 1; with --environment alone all of it");
     list.option("specular", s.specular, "SHARE", "strength of highlights, 0 to 1");
     list.flag("shadows", s.shadows, "surfaces, or the marched volume, throw shadows, with --light-direction");
     list.option("ambient-occlusion", s.ambient_occlusion, "N",
@@ -146,8 +147,9 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("anisotropy", s.anisotropy, "G",
                 "multi-scattering: mean cosine of the scattering angle, above 0 forwards (Henyey-Greenstein)");
     list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
-    list.option("environment", s.environment_file, "FILE",
-                "multi-scattering: light from a picture of all directions, equirectangular: .exr, .hdr, .pfm, .png");
+    list.option(
+        "environment", s.environment_file, "FILE",
+        "light from everywhere is that of a picture of all directions, equirectangular: .exr, .hdr, .pfm, .png");
     list.option("environment-rotation", s.environment_rotation, "DEGREES",
                 "turn it around z, counterclockwise from above; its middle is in the direction of y");
     list.option("environment-strength", s.environment_strength, "FACTOR", "multiplies its light");
@@ -167,8 +169,8 @@ constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"exact", true, false, false, false},
                                     {"no-skip", true, false, false, false},
                                     {"shade", true, true, false, false},
-                                    {"light-direction", true, true, false, false},
-                                    {"ambient", true, true, false, false},
+                                    {"light-direction", true, true, true, false},
+                                    {"ambient", true, true, true, false},
                                     {"specular", true, true, false, false},
                                     {"shadows", true, true, false, false},
                                     {"ambient-occlusion", true, true, false, false},
@@ -187,9 +189,9 @@ constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"albedo", false, false, true, false},
                                     {"anisotropy", false, false, true, false},
                                     {"light", false, false, true, false},
-                                    {"environment", false, false, true, false},
-                                    {"environment-rotation", false, false, true, false},
-                                    {"environment-strength", false, false, true, false},
+                                    {"environment", true, true, true, false},
+                                    {"environment-rotation", true, true, true, false},
+                                    {"environment-strength", true, true, true, false},
                                     {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
@@ -250,7 +252,7 @@ void SettingsParameters::refuse_misfits() const {
                    "--render-algo ray-marching with --ambient-occlusion lights them softly");
     }
     if (shading_ != "none") exclude("exact", "shade"); // which has none
-    for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion"})
+    for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion", "environment"})
         exclude("exact", other);
     exclude("exact", "no-skip");
     exclude("exact", "step");
@@ -348,8 +350,8 @@ RenderSettings SettingsParameters::settings() const {
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
-    for (char const* const name : {"light-direction", "ambient", "specular"}) {
-        if (!list_->given(name)) continue;
+    for (char const* const name : {"light-direction", "ambient", "specular", "environment"}) {
+        if (!list_->given(name) || !applies("shade", algorithm_)) continue;
         // Without any surface, light is held back all the same.
         if (s.shade == 0 && holds_back_light(s, algorithm_)) continue;
         if (s.shade == 0) refuse(text("--", name, " does not apply to --shade ", shading_));
@@ -372,6 +374,9 @@ RenderSettings SettingsParameters::settings() const {
         if (!environment_) environment_ = read_environment(s.environment_file);
         s.environment = environment_;
     }
+    if (!list_->given("ambient")) s.ambient = ambient_unless_given(s);
+    if (s.algorithm == Algorithm::multi_scattering && list_->given("ambient") && !s.light_direction)
+        refuse("--ambient needs --light-direction, without which all light comes from everywhere");
     if (!keyframes_file_.empty()) s.camera = cameras().front();
     render::check(s);
     return s;
@@ -413,6 +418,11 @@ bool SettingsParameters::depends_on_data() const {
     bool const fixed = s.domain != "auto" && s.domain != "minmax" && s.domain.find('p') == std::string::npos;
     bool const opacities = s.lut.empty() && s.opacity == "auto" && !is_projection(s.algorithm);
     return surface || !fixed || opacities;
+}
+
+double ambient_unless_given(RenderSettings const& s) {
+    bool const alone = s.environment && !s.light_direction && applies("shade", s.algorithm);
+    return alone ? 1 : RenderSettings().ambient;
 }
 
 std::vector<OptionWords> options_of(RenderSettings const& s) {
@@ -457,7 +467,8 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (exact) add("exact", {});
     if (!exact && s.shade >= 0) add("shade", {s.shade == 0 ? "none" : s.shade == 1 ? "gradient" : to_text(s.shade)});
     if (!exact && s.light_direction) add("light-direction", {triple(*s.light_direction)});
-    if (!exact && s.ambient != plain.ambient) add("ambient", {to_text(s.ambient)});
+    bool const divided = s.algorithm != Algorithm::multi_scattering || s.light_direction;
+    if (!exact && divided && s.ambient != ambient_unless_given(s)) add("ambient", {to_text(s.ambient)});
     if (!exact && s.specular != plain.specular) add("specular", {to_text(s.specular)});
     if (!exact && s.shadows) add("shadows", {});
     if (!exact && s.ambient_occlusion > 0) add("ambient-occlusion", {to_text(s.ambient_occlusion)});
@@ -478,7 +489,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
     if (s.anisotropy != 0) add("anisotropy", {to_text(s.anisotropy)});
     if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
-    if (!s.environment_file.empty()) {
+    if (!exact && !s.environment_file.empty()) {
         add("environment", {s.environment_file});
         if (s.environment_rotation != 0) add("environment-rotation", {to_text(s.environment_rotation)});
         if (s.environment_strength != 1) add("environment-strength", {to_text(s.environment_strength)});
@@ -534,30 +545,37 @@ std::vector<std::string> remarks_of(RenderReport const& r, Goal const& goal) {
     return lines;
 }
 
+namespace {
+
+/// Where the light on surfaces comes from.
+std::string lit_from(RenderSettings const& s) {
+    std::string const lamp = s.light_direction ? "from one direction" : "from the camera";
+    return !s.environment ? lamp : s.ambient >= 1 ? "from an environment" : text(lamp, " and from an environment");
+}
+
+} // namespace
+
 std::vector<std::string> model_text(RenderSettings const& s) {
     std::string model, why;
     switch (s.algorithm) {
     case Algorithm::ray_marching:
-        model = s.shade == 0        ? "absorption and emission"
-                : s.light_direction ? "absorption and emission, surfaces lit from one direction"
-                                    : "absorption and emission, surfaces lit from the camera";
+        model = s.shade == 0 ? "absorption and emission" : text("absorption and emission, surfaces lit ", lit_from(s));
         if (s.shadows) model += ", with shadows";
         if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "light that is scattered once or more is not asked for (--render-algo multi-scattering)";
         break;
     case Algorithm::implicit_iso:
-        model = !s.light_direction ? "surfaces, lit from the camera"
-                : s.shadows        ? "surfaces, lit from one direction, with shadows"
-                                   : "surfaces, lit from one direction";
+        model = text("surfaces, lit ", lit_from(s), s.shadows ? ", with shadows" : "");
         if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "opacity of the volume itself is not asked for (--render-algo ray-marching)";
         break;
     case Algorithm::multi_scattering:
-        model = s.environment ? "multiple scattering, light from an environment"
-                              : "multiple scattering, light from all around";
-        why = s.environment ? "one ray towards the light wherever a path is scattered, by the brightness of the picture"
-                            : "the light has no direction, so that paths end in it by themselves and no shadow ray is "
-                              "needed";
+        model = text("multiple scattering, light ", s.light_direction ? "from one direction and " : "",
+                     s.environment ? "from an environment" : "from all around");
+        why = s.light_direction ? "one ray towards the light wherever a path is scattered, none where it is not"
+              : s.environment
+                  ? "one ray towards the light wherever a path is scattered, by the brightness of the picture"
+                  : "the light has no direction, so that paths end in it by themselves and no shadow ray is needed";
         break;
     case Algorithm::maximum:
     case Algorithm::minimum:
