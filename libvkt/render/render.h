@@ -94,6 +94,9 @@ struct RenderSettings {
     std::vector<double> isos;
     std::vector<double> iso_colors;    ///< sRGB r g b of each; none: those of the transfer function
     std::vector<double> iso_opacities; ///< of each, in [0,1]; none: 1
+    /// Rays of a pixel where a surface's edge passes, without another goal: a power of two, at most most_rays; 1: one
+    /// everywhere.
+    int edge_rays = 4;
 
     Roi clip; ///< voxels that are shown, in hierarchical volumes finest cells; empty: all
 
@@ -134,6 +137,9 @@ PartRows rows_of_part(RenderSettings const& settings);
 /// Whether rays and steps may be left out: see RenderSettings::shortcut.
 bool may_leave_out(RenderSettings const& settings, Header const& header);
 
+/// Whether pixels get more rays where a surface's edge passes: see RenderSettings::edge_rays. Labels have none.
+bool smooths_edges(RenderSettings const& settings);
+
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
 
@@ -152,6 +158,7 @@ struct RenderReport {
     double unit = 0;      ///< world units
     Domain domain;
     TransferFunction transfer;
+    std::string recognised;        ///< what the data were taken for, and why; empty: nothing that there is a preset for
     std::vector<double> isos;      ///< physical values of the surfaces that were looked for
     std::vector<Color> iso_colors; ///< sRGB, of each
     /// Where the volume was drawn as labels: those that it holds, in ascending order.
@@ -212,6 +219,7 @@ private:
     /// What the settings mean for this volume.
     struct Appearance {
         TransferFunction transfer;
+        std::string recognised; ///< see RenderReport
         Domain domain;
         double unit = 1;
         double shade = 0;

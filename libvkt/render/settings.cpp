@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdio>
 #include <tuple>
+#include <utility>
 
 namespace vkt::render {
 
@@ -140,7 +141,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("iso-color", s.iso_colors, "R G B", "implicit-iso: colour of each surface, 0 to 1");
     list.option("iso-opacity", s.iso_opacities, "A", "implicit-iso: opacity of each surface, 0 to 1 (default: 1)");
 
-    list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
+    list.option("spp", s.samples, "N",
+                "multi-scattering: paths per pixel; implicit-iso: rays of a pixel at an edge (default: 4; 1: no more)");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
     list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
     list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
@@ -153,6 +155,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("environment-rotation", s.environment_rotation, "DEGREES",
                 "turn it around z, counterclockwise from above; its middle is in the direction of y");
     list.option("environment-strength", s.environment_strength, "FACTOR", "multiplies its light");
+    list.flag("denoise", denoise_, "multi-scattering: not there, since Debian has no package of Open Image Denoise");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
 
@@ -162,7 +165,7 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 32> uses{{{"step", true, false, false, false},
                                     {"leave-out", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
@@ -183,7 +186,7 @@ constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"opacity-scale", true, false, true, false},
                                     {"rgba-lookup-table", true, true, true, true},
                                     {"preset", true, true, true, false},
-                                    {"spp", false, false, true, false},
+                                    {"spp", false, true, true, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
                                     {"albedo", false, false, true, false},
@@ -192,6 +195,7 @@ constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"environment", true, true, true, false},
                                     {"environment-rotation", true, true, true, false},
                                     {"environment-strength", true, true, true, false},
+                                    {"denoise", false, false, true, false},
                                     {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
@@ -257,6 +261,8 @@ void SettingsParameters::refuse_misfits() const {
     exclude("exact", "no-skip");
     exclude("exact", "step");
     exclude("exact", "leave-out");
+    if (algorithm_ == Algorithm::implicit_iso)
+        for (char const* other : {"tolerance", "time"}) exclude("spp", other);
     exclude("tolerance", "leave-out");
     exclude("time", "leave-out");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
@@ -327,6 +333,7 @@ void SettingsParameters::check() const {
     in_name_of("spp", [&] {
         RenderSettings one;
         one.samples = settings_.samples; // which are too many to try
+        if (algorithm_ == Algorithm::implicit_iso && list_->given("spp")) one.edge_rays = settings_.samples;
         render::check(one);
     });
     (void)settings();
@@ -348,6 +355,11 @@ RenderSettings SettingsParameters::settings() const {
     read_goal("tolerance", tolerance_, s.goal.tolerance);
     read_goal("time", seconds_, s.goal.seconds);
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
+    if (s.algorithm == Algorithm::implicit_iso && list_->given("spp"))
+        s.edge_rays = std::exchange(s.samples, RenderSettings().samples);
+    if (denoise_)
+        refuse("--denoise needs Open Image Denoise, without which this vkt was built: Debian 12 has no package of it",
+               "--noise LEVELS traces paths until none is needed");
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
     for (char const* const name : {"light-direction", "ambient", "specular", "environment"}) {
@@ -483,7 +495,9 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!s.isos.empty()) add("iso", numbers(s.isos));
     if (!s.iso_colors.empty()) add("iso-color", numbers(s.iso_colors));
     if (!s.iso_opacities.empty()) add("iso-opacity", numbers(s.iso_opacities));
-    if (s.samples != plain.samples) add("spp", {to_text(s.samples)});
+    bool const surfaces = s.algorithm == Algorithm::implicit_iso;
+    if (!surfaces && s.samples != plain.samples) add("spp", {to_text(s.samples)});
+    if (surfaces && !s.goal.any() && s.edge_rays != plain.edge_rays) add("spp", {to_text(s.edge_rays)});
     if (s.first_sample != 0) add("first-sample", {to_text(s.first_sample)});
     if (s.seed != 0) add("seed", {text(s.seed)});
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
@@ -592,8 +606,10 @@ std::vector<std::string> model_text(RenderSettings const& s) {
     else
         stops = s.goal.tolerance > 0
                     ? text("rays until the error is below ", s.goal.tolerance, " levels in every pixel")
-                : s.goal.any() ? text("rays for ", s.goal.seconds, " s")
-                               : "one ray a pixel, through its middle, since there is no --tolerance";
+                : s.goal.any()     ? text("rays for ", s.goal.seconds, " s")
+                : smooths_edges(s) ? text("one ray a pixel, through its middle, and ", s.edge_rays,
+                                          " at edges, since there is no ", "--tolerance")
+                                   : "one ray a pixel, through its middle, since there is no --tolerance";
     return {text("model ", model), text("no heavier model: ", why), text("refinement ", stops)};
 }
 
@@ -601,8 +617,10 @@ std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
     return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,
                 " empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
-                rounded(1e3 * r.render_seconds), " ms by ", r.drawn_by, r.quality.error >= 0 ? "; " : "",
-                r.quality.error >= 0 ? quality_text(r, {}) : std::string());
+                rounded(1e3 * r.render_seconds), " ms by ", r.drawn_by,
+                r.quality.edges > 0 ? text("; edges in ", rounded(100 * r.quality.edges), "% of the pixels") : "",
+                r.quality.error >= 0 ? "; " : "", r.quality.error >= 0 ? quality_text(r, {}) : std::string(),
+                r.recognised.empty() ? "" : "; taken for ", r.recognised);
 }
 
 } // namespace vkt::render

@@ -38,7 +38,7 @@ private:
     mutable std::shared_ptr<Environment const> environment_; ///< the same
     mutable std::vector<CameraRequest> keyframes_;           ///< the same
     std::int64_t seed_ = 0;
-    bool no_skip_ = false;
+    bool no_skip_ = false, denoise_ = false;
 };
 
 /// One line: method, sizes, shares, times.

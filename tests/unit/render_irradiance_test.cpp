@@ -77,6 +77,7 @@ RenderSettings white_surface() {
     s.width = s.height = 31;
     s.algorithm = Algorithm::implicit_iso;
     s.isos = {10};
+    s.edge_rays = 1; // normals are those of the middle
     s.iso_colors = {1, 1, 1};
     s.specular = 0;
     s.ambient = 1;
