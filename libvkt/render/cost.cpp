@@ -165,7 +165,7 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     std::vector<std::string> lines = model_text(settings);
     lines.push_back("method " + method);
     bool const chosen = !settings.transfer && settings.lut.empty() && !settings.preset && settings.opacity == "auto" &&
-                        settings.domain == "auto" && !is_projection(settings.algorithm) &&
+                        settings.domain == "auto" && applies("opacity", settings.algorithm) &&
                         !draws_labels(settings, header);
     if (chosen)
         lines.push_back(header.units == hounsfield ? "colours and opacities those of --preset ct, as the header says HU"

@@ -71,6 +71,7 @@ TEST(RenderRecognise, CtIsDrawnAsThePresetDraws) {
     // Another span of values, or opacities, are what is asked for.
     EXPECT_TRUE(drawn(ct, [](RenderSettings& s) { s.domain = "minmax"; }).report.recognised.empty());
     EXPECT_TRUE(drawn(ct, [](RenderSettings& s) { s.opacity = "0,0.5"; }).report.recognised.empty());
+    EXPECT_TRUE(drawn(ct, [](RenderSettings& s) { s.algorithm = Algorithm::implicit_iso; }).report.recognised.empty());
     // Other colours are.
     Picture const coloured = drawn(ct, [](RenderSettings& s) { s.colormap = "viridis"; });
     EXPECT_FALSE(coloured.report.recognised.empty());
