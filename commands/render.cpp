@@ -111,6 +111,10 @@ public:
                 render::RenderReport report;
                 Watching const watching(context);
                 render::Image image = volumes.renderer().watched(settings, &report, watching.watch());
+                if (image.pixels.empty()) {
+                    context.lossy("interrupted before anything was drawn: no picture is written");
+                    return Watching::exit_code;
+                }
                 // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
                 if (!numbered && volumes.another())
                     throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",

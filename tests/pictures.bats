@@ -322,8 +322,8 @@ np.maximum(6 - np.sqrt((x - 20) ** 2 + (y - 20) ** 2 + (z - 22) ** 2), 8 - z).as
     vkt read scene.raw --dims 40 40 40 --dtype float32 -o scene.nrrd
     common=(scene.nrrd --render-algo implicit-iso --iso 0 --iso-color 0.5 0.7 0.9 --size 80 --projection orthographic
         --eye 20,-40,60 --target 20,20,12 --span 40 --light-direction 1,0.5,2 --ambient 0.3 --specular 0)
-    vkt render "${common[@]}" -o plain.exr
-    vkt render "${common[@]}" --shadows -o shadow.exr
+    vkt render "${common[@]}" --spp 1 -o plain.exr
+    vkt render "${common[@]}" --spp 1 --shadows -o shadow.exr
     /usr/bin/python3 -c "$readers
 e, s = exr('plain.exr'), exr('shadow.exr')
 light = np.array([1, 0.5, 2]) / np.sqrt(5.25)

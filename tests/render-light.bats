@@ -89,7 +89,9 @@ open('exposed.hdr', 'wb').write(head.replace(b'RADIANCE', b'RGBE') + b'EXPOSURE=
     fails_with 3 "not a number" vkt render $f $cloud --environment nan.pfm -o a.png
     fails_with 3 "no PNG, PFM or OpenEXR" vkt render $f $cloud --environment $f -o a.png
     fails_with 4 "absent.hdr" vkt render $f $cloud --environment absent.hdr -o a.png
-    fails_with 2 "does not apply" vkt render $f --environment sky.pfm -o a.png
+    fails_with 2 "does not apply" vkt render $f -ra maximum --environment sky.pfm -o a.png
+    fails_with 2 "does not apply" vkt render $f --shade none --environment sky.pfm -o a.png
+    fails_with 2 "exclude each other" vkt render $f --exact --environment sky.pfm -o a.png
     fails_with 2 "needs --environment" vkt render $f $cloud --environment-rotation 3 -o a.png
     fails_with 2 "0 or greater" vkt render $f $cloud --environment sky.pfm --environment-strength -1 -o a.png
     [ ! -e a.png ]
@@ -114,6 +116,69 @@ def middle(turned):
     return p.sum(0) @ np.arange(24) / p.sum(), p.sum(1) @ np.arange(24) / p.sum()
 (x, _), (_, y), (minus_x, _), (_, minus_y) = map(middle, (0, 90, 180, 270))
 assert x - minus_x > 2 and minus_y - y > 2, (x, y, minus_x, minus_y)"
+}
+
+@test "an environment lights surfaces and the marched volume by their normals" {
+    # A block, and light from +x: seen from there it is bright, from -x dark, and turned it is the other way round.
+    /usr/bin/python3 -c "
+import numpy as np
+sky = np.zeros((8, 16, 3), '<f4')
+sky[:, 8:] = [1, 1, 2]
+open('right.pfm', 'wb').write(b'PF\n16 8\n-1.0\n' + sky[::-1].tobytes())
+open('one.pfm', 'wb').write(b'PF\n16 8\n-1.0\n' + np.ones((8, 16, 3), '<f4').tobytes())"
+    for way in "-ra implicit-iso --iso 100 --iso-color 1,1,1" "--opacity 0,1 --colormap grey"; do
+        see="$f $way --size 24 --background 0,0,0 --specular 0 --force"
+        for view in x -x; do
+            vkt render $see --view=$view --environment right.pfm -o "lit$view.pfm"
+            vkt render $see --view=$view --environment right.pfm --environment-rotation 180 -o "turned$view.pfm"
+        done
+        /usr/bin/python3 -c "
+import numpy as np
+def middle(name): return np.frombuffer(open(name + '.pfm', 'rb').read().split(b'\n', 3)[3], '<f4').reshape(24, 24, 3)[12, 12]
+bright, dark, other, another = map(middle, ('litx', 'lit-x', 'turned-x', 'turnedx'))
+# Half of the sky: what faces it has all of its light, the other side none.
+assert (dark < 0.02 * bright.max()).all() and bright[2] > 1.9 * bright[0] > 0, (bright, dark)
+assert np.allclose(bright, other, rtol=1e-4) and np.allclose(dark, another, atol=1e-4), (bright, other, dark, another)"
+        # One everywhere is light from everywhere.
+        vkt render $see --environment one.pfm --ambient 0.4 -o one.pfm.pfm
+        vkt render $see --shade gradient --ambient 0.4 -o plain.pfm
+        vkt image diff one.pfm.pfm plain.pfm --tolerance 0.00001
+    done
+    # The recipe draws the same, and threads do not matter; with a lamp the environment has its share.
+    lit="--opacity 0,0.8 --size 24 --environment right.pfm --ambient-occlusion 8"
+    vkt render $f $lit --threads 1 -o a.png
+    vkt render $f $lit --threads 3 -o b.png
+    cmp a.png b.png
+    vkt history a.png | grep -q -- '--environment right.pfm'
+    vkt render $f $lit --light-direction 0,0,1 -o lamp.png
+    vkt render $f $lit --light-direction 0,0,1 --ambient 0.25 -o share.png
+    vkt image diff lamp.png share.png
+    vkt render $f $lit --ambient 1 -o whole.png
+    vkt image diff a.png whole.png
+    vkt render $f $lit --explain -o c.png 2>&1 | grep -q "surfaces lit from an environment"
+}
+
+@test "paths are scattered from a light in one direction as well, which has its share" {
+    for way in 1,0,0 -1,0,0; do
+        vkt render $f -ra multi-scattering --opacity 0,0.5 --size 24 --spp 32 --view z --background 0,0,0 --ambient 0 \
+            --light-direction=$way -o "lamp$way.pfm"
+    done
+    /usr/bin/python3 -c "
+import numpy as np
+def middle(way):
+    p = np.frombuffer(open(f'lamp{way}.pfm', 'rb').read().split(b'\n', 3)[3], '<f4').reshape(24, 24, 3).mean(2)
+    return p.sum(0) @ np.arange(24) / p.sum()
+assert middle('1,0,0') - middle('-1,0,0') > 2"
+    vkt render $f $cloud --light-direction 1,0,0 --threads 1 -o one.png
+    vkt render $f $cloud --light-direction 1,0,0 --threads 3 -o three.png
+    cmp one.png three.png
+    vkt history one.png | grep -q -- '--light-direction 1,0,0'
+    # Without, it is another picture; of all light from everywhere it is the same but for noise.
+    vkt render $f $cloud -o none.png
+    run vkt image diff one.png none.png --tolerance 0.02
+    [ "$status" = 1 ]
+    vkt render $f $cloud --light-direction 1,0,0 --explain -o b.png 2>&1 | grep -q "light from one direction and from all around"
+    fails_with 2 "needs --light-direction" vkt render $f $cloud --ambient 0.5 -o b.png
 }
 
 @test "shadows and occlusion of the marched volume darken, and the recipe and threads give the same picture" {

@@ -785,8 +785,22 @@ r = np.sqrt(x * x + y * y + z * z)
 np.where(r < 6, 1000, np.where(r < 16, 60, -1000)).astype('i2').tofile('ct_40x40x40_int16.raw')"
     look="--size 60 --view=-y --fit volume --background 0,0,0 --shade none"
     for kind in ct ct-bone; do vkt render ct_40x40x40_int16.raw $look --preset $kind -o $kind.pfm; done
-    vkt render ct_40x40x40_int16.raw $look -o auto.pfm
-    run ! cmp -s ct.pfm auto.pfm
+    # It is what CT gets by itself, and says so; its values over another span get what the histogram says.
+    vkt render ct_40x40x40_int16.raw $look -v -o auto.pfm 2>err
+    cmp ct.pfm auto.pfm
+    grep -q "taken for CT in HU: integers from -1000 on, of which air and soft tissue are peaks: .* --preset ct" err
+    vkt render ct_40x40x40_int16.raw $look --domain minmax -o minmax.pfm
+    run ! cmp -s ct.pfm minmax.pfm
+    vkt set ct_40x40x40_int16.raw --units HU -o hu.nrrd
+    vkt render hu.nrrd $look --explain -o hu.pfm 2>err
+    grep -q "those of --preset ct, as the header says HU" err
+    cmp ct.pfm hu.pfm
+    vkt render ct_40x40x40_int16.raw $look --explain -o said.pfm 2>&1 | grep -q "unless the values are those of CT in HU"
+    # As counts from 0 on they may be anything.
+    vkt arith add ct_40x40x40_int16.raw 1000 -o counts.nrrd
+    vkt render counts.nrrd $look -v -o counts.pfm 2>err
+    run ! grep -q "taken for" err
+    run ! cmp -s ct.pfm counts.pfm
     # The opacities that the manual page names, as words: the same but for where the map is sampled.
     vkt render ct_40x40x40_int16.raw $look --colormap tissue --domain=-100:700 \
         --opacity=-20:0,40:0.01,120:0.02,200:0.06,500:0.5 -o words.pfm

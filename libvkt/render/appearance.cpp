@@ -118,6 +118,13 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
     } else {
         appearance.transfer = automatic.transfer;
         chosen = true;
+        // A span of values that is asked for is that of the histogram, and so is what surfaces are chosen from.
+        bool const free = settings.domain == "auto" && settings.algorithm != Algorithm::implicit_iso;
+        auto const known = free ? recognise(header_, data) : std::nullopt;
+        if (known) {
+            appearance.transfer = transfer_of(preset_of(known->kind, data), settings.colormap);
+            appearance.recognised = text(known->why, ": colours and opacities of --preset ", enum_name(known->kind));
+        }
     }
     appearance.transfer.check_and_sort();
     appearance.domain.lower = appearance.transfer.points.front().value;

@@ -33,6 +33,10 @@ bool may_leave_out(RenderSettings const& s, Header const& header) {
            header.kind == Kind::structured && s.background.alpha >= 1;
 }
 
+bool smooths_edges(RenderSettings const& s) {
+    return s.algorithm == Algorithm::implicit_iso && s.edge_rays > 1 && !s.goal.any();
+}
+
 void check(RenderSettings const& s) {
     auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
     if (!fits(s.width) || !fits(s.height))
@@ -42,6 +46,9 @@ void check(RenderSettings const& s) {
     if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
     if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
     if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
+    if (s.edge_rays < 1 || s.edge_rays > most_rays || (s.edge_rays & (s.edge_rays - 1)) != 0)
+        refuse(
+            text("the rays of a pixel at edges must be 1, 2, 4, 8 and so on up to ", most_rays, ", not ", s.edge_rays));
     if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
     if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
     if (!(std::abs(s.anisotropy) <= 0.9999)) refuse("the anisotropy must be between -0.9999 and 0.9999");

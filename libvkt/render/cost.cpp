@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/render/categories.h"
+#include "libvkt/render/presets.h"
 #include "libvkt/render/settings.h"
 #include "libvkt/render/sparse.h"
 
@@ -163,6 +164,13 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     if (ways > 0) cost += text(", ", ways, ways == 1 ? " ray" : " rays", " to light from wherever something is seen");
     std::vector<std::string> lines = model_text(settings);
     lines.push_back("method " + method);
+    bool const chosen = !settings.transfer && settings.lut.empty() && !settings.preset && settings.opacity == "auto" &&
+                        settings.domain == "auto" && applies("opacity", settings.algorithm) &&
+                        !draws_labels(settings, header);
+    if (chosen)
+        lines.push_back(header.units == hounsfield ? "colours and opacities those of --preset ct, as the header says HU"
+                                                   : "colours and opacities chosen from the histogram, unless the "
+                                                     "values are those of CT in HU: then those of --preset ct");
     std::size_t const volume = bytes_to_draw(header, settings.tree), picture = bytes_of_picture(settings, header, file);
     lines.push_back(text(cost, ", ", bytes_text(static_cast<double>(picture)), " for the picture, ",
                          bytes_text(static_cast<double>(volume + picture)), " of memory"));

@@ -1,9 +1,10 @@
-// Pictures of all directions as light for multiple scattering: read, checked, and made ready to be sampled.
+// Pictures of all directions as light: read, checked, and made ready to be sampled and to light surfaces.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/render/inner/environment.h"
 
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,9 +18,12 @@ struct Environment {
     std::vector<float> row_ends;    ///< height + 1
     std::vector<float> column_ends; ///< width * height
     double total = 0;               ///< integral of the brightness over all directions
+    /// Integrals over all directions (x, y, z) of each colour times 1, x, y, z, xx, yy, zz, xy, xz, yz.
+    std::array<std::array<double, 10>, 3> moments{};
 
     /// Turned by so many degrees around z, counterclockwise seen from above.
     EnvironmentView view(double degrees) const;
+    std::array<double, 10> moments_of(std::size_t color, double degrees) const;
 };
 
 /// From 3 * width * height linear floats, row by row from straight up. What is negative is taken for 0. Throws

@@ -37,6 +37,7 @@ struct Quality {
     double rays = 1;        ///< or paths per pixel, the mean
     double finest = 0;      ///< shortest step of ray marching
     std::int64_t above = 0; ///< pixels whose error is above what was asked for, or tiles: above 5/4 of it
+    double edges = 0;       ///< share of the pixels that have more rays, for smooth edges of surfaces
     double undrawn = 0;     ///< share of the pixels that nothing was drawn in, since it was stopped
     bool stopped = false;   ///< by whoever waits
     bool late = false;      ///< the time was up

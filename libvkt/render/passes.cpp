@@ -4,6 +4,7 @@
 
 #include "libvkt/render/crew.h"
 #include "libvkt/render/levels.h"
+#include "libvkt/render/room.h"
 
 #include <algorithm>
 #include <cmath>
@@ -96,16 +97,26 @@ Quality quality_of(std::vector<PathTile> const& tiles, std::int64_t width, std::
     return q;
 }
 
+/// Of a picture that was stopped before.
+Quality nothing_drawn() {
+    Quality q;
+    q.rays = 0, q.undrawn = 1, q.stopped = true;
+    return q;
+}
+
 class Paths {
 public:
     Paths(Drawing const& drawing, Image& image, Counters& total)
         : drawing_(drawing), image_(image), crew_(drawing, total), levels_(drawing.background),
-          tiles_(tiles_of(image.width, image.height, drawing.scene.samples)), light_(image.pixels.size()),
-          odd_(image.pixels.size()) {}
+          tiles_(tiles_of(image.width, image.height, drawing.scene.samples)) {}
 
     Quality draw() {
         SceneView scene = drawing_.scene;
-        if (drawing_.variance != nullptr) squares_.resize(light_.size());
+        std::size_t const numbers = image_.pixels.size(), squares = drawing_.variance != nullptr ? numbers : 0;
+        Watch const& watch = drawing_.watch;
+        if (!make_room(light_, numbers, watch) || !make_room(odd_, numbers, watch) ||
+            !make_room(squares_, squares, watch))
+            return nothing_drawn();
         scene.sums = {light_.data(), odd_.data(), squares_.empty() ? nullptr : squares_.data(), {}};
         for (std::size_t c = 0; c < 3; ++c)
             scene.sums.behind[c] = static_cast<float>(levels_.behind(c) * drawing_.background.alpha);
@@ -206,19 +217,25 @@ class Adaptive {
 public:
     Adaptive(Drawing const& drawing, Image& image, Counters& total)
         : drawing_(drawing), image_(image), crew_(drawing, total), levels_(drawing.background),
-          count_(image.pixels.size() / 4), halvings_(count_), step_error_(count_), edge_error_(count_), rays_(count_),
-          squares_(image.pixels.size()) {}
+          count_(image.pixels.size() / 4) {}
 
     Quality draw(bool stepped) {
         double const allowed = drawing_.goal.tolerance;
-        auto all = std::vector<std::int32_t>(count_);
-        for (std::size_t i = 0; i < count_; ++i) all[i] = static_cast<std::int32_t>(i);
+        std::vector<std::int32_t> all;
+        std::vector<float> next;
+        Watch const& watch = drawing_.watch;
+        bool const room = make_room(all, count_, watch, [&](std::size_t from, std::size_t to) {
+            for (std::size_t i = from; i < to; ++i) all[i] = static_cast<std::int32_t>(i);
+        });
+        if (!room || !make_room(next, image_.pixels.size(), watch) || !make_room(halvings_, count_, watch) ||
+            !make_room(step_error_, count_, watch) || !make_room(edge_error_, count_, watch) ||
+            !make_room(rays_, count_, watch) || !make_room(squares_, image_.pixels.size(), watch))
+            return nothing_drawn();
         pass(all, 1, true, image_.pixels.data(), 0, 0.1);
         for (std::size_t i = 0; i < count_; ++i) drawn_ += rays_[i] > 0 ? 1 : 0;
-        if (stepped && !crew_.over()) choose_steps(allowed / 3);
+        if (stepped && !crew_.over()) choose_steps(allowed / 3, next);
         double const left = stepped ? allowed * 2 / 3 : allowed;
         double share = 0.2;
-        std::vector<float> next(image_.pixels.size());
         std::vector<std::int32_t> pixels = std::move(all);
         for (int rays = 4; rays <= most_rays && !pixels.empty() && !crew_.over(); rays *= 4) {
             pass(pixels, rays, false, next.data(), share, (1 - share) / 3);
@@ -259,8 +276,8 @@ private:
         });
     }
 
-    void choose_steps(double allowed) {
-        std::vector<float> next(image_.pixels.size());
+    /// `next`: room for a picture.
+    void choose_steps(double allowed, std::vector<float>& next) {
         std::vector<std::int32_t> pixels = around([](std::size_t) { return true; });
         std::vector<std::uint8_t> coarser(count_);
         for (int h = 1; h <= most_halvings && !pixels.empty() && !crew_.over(); ++h) {

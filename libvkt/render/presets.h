@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/header.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/render/transfer.h"
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,6 +34,18 @@ struct Preset {
 
 /// Its values are the same for all data of the kind.
 constexpr bool has_known_values(DataKind kind) { return kind <= DataKind::ct_contrast; }
+
+/// The units of CT, as headers have them.
+inline constexpr char hounsfield[] = "HU";
+
+/// What data are, and how that is known.
+struct Recognised {
+    DataKind kind;
+    std::string why;
+};
+/// Only where there is no doubt: CT in HU, by the units of the header or by its values. Nothing else is: MR,
+/// fluorescence and density have no values of their own.
+std::optional<Recognised> recognise(Header const& header, Histogram const& histogram);
 
 Preset preset_of(DataKind kind, Histogram const& histogram);
 /// Its function, in the colours of another map if one is named.

@@ -9,8 +9,10 @@
 #include "libvkt/formats/labels.h"
 #include "libvkt/render/content.h"
 #include "libvkt/render/cost.h"
+#include "libvkt/render/edges.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/prepared.h"
+#include "libvkt/render/room.h"
 #include "libvkt/render/screen.h"
 #include "libvkt/render/sparse.h"
 
@@ -20,7 +22,6 @@
 #include <cstdint>
 #include <limits>
 #include <mutex>
-#include <sys/mman.h>
 
 namespace vkt::render {
 
@@ -28,17 +29,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-/// So many zeros, in huge pages where there are many: touching small ones takes seconds of the largest pictures, in
-/// which nobody hears that they are to stop.
-void make_room(std::vector<float>& pixels, std::size_t count) {
-    pixels.reserve(count);
-    constexpr std::uintptr_t page = std::uintptr_t{2} << 20;
-    auto const begin = reinterpret_cast<std::uintptr_t>(pixels.data()), end = begin + count * sizeof(float);
-    std::uintptr_t const first = (begin + page - 1) / page * page;
-    if (end > first + page) ::madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE); // advice only
-    pixels.resize(count);
-}
 
 /// Whether light from behind passes everywhere.
 bool is_empty(Image const& image) {
@@ -317,7 +307,18 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     PartRows const rows = rows_of_part(settings);
     scene.frame.top = rows.first;
     Image image{settings.width, rows.last - rows.first, {}};
-    make_room(image.pixels, 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+    bool const layers = settings.layers && report != nullptr && !projected;
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
+    std::size_t const numbers = 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+    // Nothing is there until something is drawn; a GPU draws all of it at once.
+    bool const room = make_room(image.pixels, numbers, watch, [&](std::size_t from, std::size_t to) {
+        for (std::size_t i = from + 3; i < to && !with_gpu; i += 4) image.pixels[i] = 1;
+    });
+    if (!room) {
+        image.height = 0;
+        if (report != nullptr) report->quality.stopped = true, report->quality.undrawn = 1;
+        return image;
+    }
     if (accumulation != nullptr && integrator == Integrator::scatter) {
         if (accumulation->samples == 0) accumulation->sums.assign(image.pixels.size(), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;
@@ -326,10 +327,6 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         accumulation->samples += settings.samples;
     }
 
-    bool const layers = settings.layers && report != nullptr && !projected;
-    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
-    // Until something is drawn there: a GPU draws all of it at once.
-    for (std::size_t i = 3; i < image.pixels.size() && !with_gpu; i += 4) image.pixels[i] = 1;
     // Most rays may pass no cell in which something can be seen, and are not worth following.
     bool const marched = integrator == Integrator::march;
     std::optional<Screen> screen;
@@ -375,7 +372,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             if (!there.scene)
                 there.scene = tree_ ? std::make_unique<DeviceCopies>()
                                     : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-            SceneView const view = there.scene->scene(scene, ready, settings.environment);
+            SceneView const view =
+                there.scene->scene(scene, ready, integrator == Integrator::scatter ? settings.environment : nullptr);
             if (tree_) {
                 if (!there.tree) there.tree = std::make_unique<DeviceTree>(*tree_);
                 gpus.push_back({gpu, view,
@@ -400,6 +398,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         quality = draw_sparsely(drawing, settings.shortcut, image, counters, savings);
     else
         quality = draw_once(drawing, image, counters);
+    if (smooths_edges(settings) && !labels && !quality.stopped)
+        smooth_edges(drawing, settings.edge_rays, image, counters, quality);
     if (report != nullptr) {
         Drawn const drawn{integrator, in_passes, sparsely, with_gpu, scene.label_count, scene.before, counters};
         report->quality = quality;

@@ -79,7 +79,9 @@ struct RenderSettings {
     double shortcut = 0;
     double shade =
         -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
-    std::optional<Vec3> light_direction;    ///< towards a light that is far away, in the world; none: it is at the eye
+    /// Towards a light that is far away, in the world. None: it is at the eye, and of paths there is none. Paths are
+    /// scattered from it, where nothing holds it back, as much as from a light of its share from everywhere.
+    std::optional<Vec3> light_direction;
     double ambient = 0.25, specular = 0.12; ///< shares of the light, in [0,1]: from everywhere, of the highlight
     bool shadows = false;                   ///< of surfaces or of the volume, from that light
     /// Directions, up to 64, in which the volume or the surfaces are asked how much of the light from everywhere they
@@ -92,6 +94,9 @@ struct RenderSettings {
     std::vector<double> isos;
     std::vector<double> iso_colors;    ///< sRGB r g b of each; none: those of the transfer function
     std::vector<double> iso_opacities; ///< of each, in [0,1]; none: 1
+    /// Rays of a pixel where a surface's edge passes, without another goal: a power of two, at most most_rays; 1: one
+    /// everywhere.
+    int edge_rays = 4;
 
     Roi clip; ///< voxels that are shown, in hierarchical volumes finest cells; empty: all
 
@@ -106,12 +111,14 @@ struct RenderSettings {
     double albedo = 1;     ///< multiplies the colours
     double anisotropy = 0; ///< mean cosine of the scattering angle, in (-1, 1); Henyey–Greenstein
     bool emission = false; ///< colours also glow
-    Color light{1, 1, 1};  ///< from all around, linear; an environment is multiplied by it
-    std::shared_ptr<Environment const> environment; ///< null: light is the same from everywhere
-    std::string environment_file;                   ///< that it was read from
-    double environment_rotation = 0;                ///< degrees around z, counterclockwise from above
-    double environment_strength = 1;                ///< multiplies it, 0 or greater
     int bounces = 100000;
+    Color light{1, 1, 1}; ///< linear, of all light; an environment is multiplied by it
+
+    /// Of all algorithms that have light: the one from everywhere. Null: it is the same from everywhere.
+    std::shared_ptr<Environment const> environment;
+    std::string environment_file;    ///< that it was read from
+    double environment_rotation = 0; ///< degrees around z, counterclockwise from above
+    double environment_strength = 1; ///< multiplies it, 0 or greater
 
     Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most
     Background background; ///< behind the volume; without a goal it changes no light
@@ -129,6 +136,9 @@ PartRows rows_of_part(RenderSettings const& settings);
 
 /// Whether rays and steps may be left out: see RenderSettings::shortcut.
 bool may_leave_out(RenderSettings const& settings, Header const& header);
+
+/// Whether pixels get more rays where a surface's edge passes: see RenderSettings::edge_rays. Labels have none.
+bool smooths_edges(RenderSettings const& settings);
 
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
@@ -148,6 +158,7 @@ struct RenderReport {
     double unit = 0;      ///< world units
     Domain domain;
     TransferFunction transfer;
+    std::string recognised;        ///< what the data were taken for, and why; empty: nothing that there is a preset for
     std::vector<double> isos;      ///< physical values of the surfaces that were looked for
     std::vector<Color> iso_colors; ///< sRGB, of each
     /// Where the volume was drawn as labels: those that it holds, in ascending order.
@@ -208,6 +219,7 @@ private:
     /// What the settings mean for this volume.
     struct Appearance {
         TransferFunction transfer;
+        std::string recognised; ///< see RenderReport
         Domain domain;
         double unit = 1;
         double shade = 0;

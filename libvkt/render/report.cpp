@@ -28,6 +28,7 @@ void Renderer::tell(RenderReport& report, RenderSettings const& settings, Prepar
     report.unit = appearance.unit;
     report.domain = appearance.domain;
     report.transfer = appearance.transfer;
+    report.recognised = appearance.recognised;
     report.isos = appearance.iso_values;
     report.iso_colors.clear();
     for (IsoView const& iso : appearance.isos)
@@ -50,7 +51,8 @@ void Renderer::tell(RenderReport& report, RenderSettings const& settings, Prepar
     report.method =
         appearance.labels ? text("labels, ", drawn.labels, " of them, nearest voxel, shading ", appearance.shade)
         : integrator == Integrator::iso
-            ? text("implicit iso-surface, exact cubic per voxel, ", appearance.isos.size(), " value(s)")
+            ? text("implicit iso-surface, exact cubic per voxel, ", appearance.isos.size(), " value(s)",
+                   smooths_edges(settings) ? text(", ", settings.edge_rays, " rays a pixel at edges") : std::string())
         : integrator == Integrator::scatter
             ? text("delta tracking, ",
                    settings.anisotropy == 0 ? std::string("isotropic")

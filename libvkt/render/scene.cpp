@@ -32,6 +32,31 @@ LightWay light_way(SceneView const& scene, Double3 world, double reach) {
     return {to_float(lattice * (1 / length)), static_cast<float>(1 / length), static_cast<float>(reach * length)};
 }
 
+/// Diffuse light of an environment, multiplied by so much. Of the cosine of the angle between a normal and the light,
+/// cut off at 0, the orders that are left out are small parts: it is 3/32 + c/2 + 15/32 c^2. The normal is that of a
+/// lattice gradient, whose parts along the lattice's axes are `rows`.
+IrradianceView irradiance_of(Environment const& environment, double degrees, float const* light,
+                             Double3 const (&rows)[3]) {
+    IrradianceView view;
+    view.on = true;
+    for (std::size_t c = 0; c < 3; ++c) {
+        auto const [all, x, y, z, xx, yy, zz, xy, xz, yz] = environment.moments_of(c, degrees);
+        double const strength = static_cast<double>(light[c]) / half_turn;
+        view.mean[c] = static_cast<float>(strength * all / 4);
+        view.constant[c] = static_cast<float>(strength * all * 3 / 32);
+        Matrix3 const squares{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}};
+        auto const along = [&](int i) { return static_cast<float>(strength / 2 * dot(rows[i], Double3{x, y, z})); };
+        auto const part = [&](int i, int j, double factor) {
+            return static_cast<float>(factor * strength * 15 / 32 * dot(rows[i], squares * rows[j]));
+        };
+        view.linear[c] = {along(0), along(1), along(2)};
+        float const quadratic[6] = {part(0, 0, 1), part(1, 1, 1), part(2, 2, 1),
+                                    part(0, 1, 2), part(0, 2, 2), part(1, 2, 2)};
+        std::copy(std::begin(quadratic), std::end(quadratic), view.quadratic[c]);
+    }
+    return view;
+}
+
 } // namespace
 
 SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const {
@@ -78,7 +103,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         double const size = length(v);
         Double3 const toward{v.x / size, v.y / size, v.z / size};
         constexpr double anywhere = std::numeric_limits<double>::infinity();
-        scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
+        scene.lamp.on = true, scene.lamp.shadows = settings.shadows;
+        scene.lamp.world = toward, scene.lamp.lattice = scene.to_lattice * toward;
         scene.ways[0] = light_way(scene, toward, anywhere);
     }
     double const radius = settings.occlusion_radius > 0 ? settings.occlusion_radius : diagonal(g, region_.dims()) / 10;
@@ -109,11 +135,20 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     scene.albedo = static_cast<float>(settings.albedo);
     scene.anisotropy = static_cast<float>(settings.anisotropy);
     scene.emission = settings.emission;
+    bool const scatters = settings.algorithm == Algorithm::multi_scattering;
     double const strength = settings.environment ? settings.environment_strength : 1;
-    scene.light[0] = static_cast<float>(settings.light.red * strength);
-    scene.light[1] = static_cast<float>(settings.light.green * strength);
-    scene.light[2] = static_cast<float>(settings.light.blue * strength);
-    if (settings.environment) scene.environment = settings.environment->view(settings.environment_rotation);
+    double const colors[3] = {settings.light.red, settings.light.green, settings.light.blue};
+    // A light from one direction that is scattered as much as one from everywhere.
+    constexpr double per_sphere = 4 * half_turn;
+    double const everywhere = scatters && scene.lamp.on ? settings.ambient : 1;
+    for (int c = 0; c < 3; ++c) {
+        scene.light[c] = static_cast<float>(colors[c] * strength * everywhere);
+        scene.lamp.light[c] = static_cast<float>(colors[c] * (1 - everywhere) * per_sphere);
+    }
+    if (settings.environment && scatters)
+        scene.environment = settings.environment->view(settings.environment_rotation);
+    else if (settings.environment)
+        scene.around = irradiance_of(*settings.environment, settings.environment_rotation, scene.light, rows);
     return scene;
 }
 

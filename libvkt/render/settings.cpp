@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdio>
 #include <tuple>
+#include <utility>
 
 namespace vkt::render {
 
@@ -110,7 +111,8 @@ void SettingsParameters::declare(Parameters& list) {
         .choices = {"auto", "none", "gradient"};
     list.option("light-direction", s.light_direction, "X,Y,Z",
                 "direction towards the light, in world axes, instead of a light at the camera");
-    list.option("ambient", s.ambient, "SHARE", "share of the light that comes from everywhere, 0 to 1");
+    list.option("ambient", s.ambient, "SHARE",
+                "share of the light that comes from everywhere, 0 to 1; with --environment alone all of it");
     list.option("specular", s.specular, "SHARE", "strength of highlights, 0 to 1");
     list.flag("shadows", s.shadows, "surfaces, or the marched volume, throw shadows, with --light-direction");
     list.option("ambient-occlusion", s.ambient_occlusion, "N",
@@ -139,18 +141,21 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("iso-color", s.iso_colors, "R G B", "implicit-iso: colour of each surface, 0 to 1");
     list.option("iso-opacity", s.iso_opacities, "A", "implicit-iso: opacity of each surface, 0 to 1 (default: 1)");
 
-    list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
+    list.option("spp", s.samples, "N",
+                "multi-scattering: paths per pixel; implicit-iso: rays of a pixel at an edge (default: 4; 1: no more)");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
     list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
     list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
     list.option("anisotropy", s.anisotropy, "G",
                 "multi-scattering: mean cosine of the scattering angle, above 0 forwards (Henyey-Greenstein)");
     list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
-    list.option("environment", s.environment_file, "FILE",
-                "multi-scattering: light from a picture of all directions, equirectangular: .exr, .hdr, .pfm, .png");
+    list.option(
+        "environment", s.environment_file, "FILE",
+        "light from everywhere is that of a picture of all directions, equirectangular: .exr, .hdr, .pfm, .png");
     list.option("environment-rotation", s.environment_rotation, "DEGREES",
                 "turn it around z, counterclockwise from above; its middle is in the direction of y");
     list.option("environment-strength", s.environment_strength, "FACTOR", "multiplies its light");
+    list.flag("denoise", denoise_, "multi-scattering: not there, since Debian has no package of Open Image Denoise");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
 
@@ -160,15 +165,15 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 32> uses{{{"step", true, false, false, false},
                                     {"leave-out", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
                                     {"exact", true, false, false, false},
                                     {"no-skip", true, false, false, false},
                                     {"shade", true, true, false, false},
-                                    {"light-direction", true, true, false, false},
-                                    {"ambient", true, true, false, false},
+                                    {"light-direction", true, true, true, false},
+                                    {"ambient", true, true, true, false},
                                     {"specular", true, true, false, false},
                                     {"shadows", true, true, false, false},
                                     {"ambient-occlusion", true, true, false, false},
@@ -181,15 +186,16 @@ constexpr std::array<Use, 31> uses{{{"step", true, false, false, false},
                                     {"opacity-scale", true, false, true, false},
                                     {"rgba-lookup-table", true, true, true, true},
                                     {"preset", true, true, true, false},
-                                    {"spp", false, false, true, false},
+                                    {"spp", false, true, true, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
                                     {"albedo", false, false, true, false},
                                     {"anisotropy", false, false, true, false},
                                     {"light", false, false, true, false},
-                                    {"environment", false, false, true, false},
-                                    {"environment-rotation", false, false, true, false},
-                                    {"environment-strength", false, false, true, false},
+                                    {"environment", true, true, true, false},
+                                    {"environment-rotation", true, true, true, false},
+                                    {"environment-strength", true, true, true, false},
+                                    {"denoise", false, false, true, false},
                                     {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
@@ -250,11 +256,13 @@ void SettingsParameters::refuse_misfits() const {
                    "--render-algo ray-marching with --ambient-occlusion lights them softly");
     }
     if (shading_ != "none") exclude("exact", "shade"); // which has none
-    for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion"})
+    for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion", "environment"})
         exclude("exact", other);
     exclude("exact", "no-skip");
     exclude("exact", "step");
     exclude("exact", "leave-out");
+    if (algorithm_ == Algorithm::implicit_iso)
+        for (char const* other : {"tolerance", "time"}) exclude("spp", other);
     exclude("tolerance", "leave-out");
     exclude("time", "leave-out");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
@@ -325,6 +333,7 @@ void SettingsParameters::check() const {
     in_name_of("spp", [&] {
         RenderSettings one;
         one.samples = settings_.samples; // which are too many to try
+        if (algorithm_ == Algorithm::implicit_iso && list_->given("spp")) one.edge_rays = settings_.samples;
         render::check(one);
     });
     (void)settings();
@@ -346,10 +355,15 @@ RenderSettings SettingsParameters::settings() const {
     read_goal("tolerance", tolerance_, s.goal.tolerance);
     read_goal("time", seconds_, s.goal.seconds);
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
+    if (s.algorithm == Algorithm::implicit_iso && list_->given("spp"))
+        s.edge_rays = std::exchange(s.samples, RenderSettings().samples);
+    if (denoise_)
+        refuse("--denoise needs Open Image Denoise, without which this vkt was built: Debian 12 has no package of it",
+               "--noise LEVELS traces paths until none is needed");
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
-    for (char const* const name : {"light-direction", "ambient", "specular"}) {
-        if (!list_->given(name)) continue;
+    for (char const* const name : {"light-direction", "ambient", "specular", "environment"}) {
+        if (!list_->given(name) || !applies("shade", algorithm_)) continue;
         // Without any surface, light is held back all the same.
         if (s.shade == 0 && holds_back_light(s, algorithm_)) continue;
         if (s.shade == 0) refuse(text("--", name, " does not apply to --shade ", shading_));
@@ -372,6 +386,9 @@ RenderSettings SettingsParameters::settings() const {
         if (!environment_) environment_ = read_environment(s.environment_file);
         s.environment = environment_;
     }
+    if (!list_->given("ambient")) s.ambient = ambient_unless_given(s);
+    if (s.algorithm == Algorithm::multi_scattering && list_->given("ambient") && !s.light_direction)
+        refuse("--ambient needs --light-direction, without which all light comes from everywhere");
     if (!keyframes_file_.empty()) s.camera = cameras().front();
     render::check(s);
     return s;
@@ -413,6 +430,11 @@ bool SettingsParameters::depends_on_data() const {
     bool const fixed = s.domain != "auto" && s.domain != "minmax" && s.domain.find('p') == std::string::npos;
     bool const opacities = s.lut.empty() && s.opacity == "auto" && !is_projection(s.algorithm);
     return surface || !fixed || opacities;
+}
+
+double ambient_unless_given(RenderSettings const& s) {
+    bool const alone = s.environment && !s.light_direction && applies("shade", s.algorithm);
+    return alone ? 1 : RenderSettings().ambient;
 }
 
 std::vector<OptionWords> options_of(RenderSettings const& s) {
@@ -457,7 +479,8 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (exact) add("exact", {});
     if (!exact && s.shade >= 0) add("shade", {s.shade == 0 ? "none" : s.shade == 1 ? "gradient" : to_text(s.shade)});
     if (!exact && s.light_direction) add("light-direction", {triple(*s.light_direction)});
-    if (!exact && s.ambient != plain.ambient) add("ambient", {to_text(s.ambient)});
+    bool const divided = s.algorithm != Algorithm::multi_scattering || s.light_direction;
+    if (!exact && divided && s.ambient != ambient_unless_given(s)) add("ambient", {to_text(s.ambient)});
     if (!exact && s.specular != plain.specular) add("specular", {to_text(s.specular)});
     if (!exact && s.shadows) add("shadows", {});
     if (!exact && s.ambient_occlusion > 0) add("ambient-occlusion", {to_text(s.ambient_occlusion)});
@@ -472,13 +495,15 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!s.isos.empty()) add("iso", numbers(s.isos));
     if (!s.iso_colors.empty()) add("iso-color", numbers(s.iso_colors));
     if (!s.iso_opacities.empty()) add("iso-opacity", numbers(s.iso_opacities));
-    if (s.samples != plain.samples) add("spp", {to_text(s.samples)});
+    bool const surfaces = s.algorithm == Algorithm::implicit_iso;
+    if (!surfaces && s.samples != plain.samples) add("spp", {to_text(s.samples)});
+    if (surfaces && !s.goal.any() && s.edge_rays != plain.edge_rays) add("spp", {to_text(s.edge_rays)});
     if (s.first_sample != 0) add("first-sample", {to_text(s.first_sample)});
     if (s.seed != 0) add("seed", {text(s.seed)});
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
     if (s.anisotropy != 0) add("anisotropy", {to_text(s.anisotropy)});
     if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
-    if (!s.environment_file.empty()) {
+    if (!exact && !s.environment_file.empty()) {
         add("environment", {s.environment_file});
         if (s.environment_rotation != 0) add("environment-rotation", {to_text(s.environment_rotation)});
         if (s.environment_strength != 1) add("environment-strength", {to_text(s.environment_strength)});
@@ -534,30 +559,37 @@ std::vector<std::string> remarks_of(RenderReport const& r, Goal const& goal) {
     return lines;
 }
 
+namespace {
+
+/// Where the light on surfaces comes from.
+std::string lit_from(RenderSettings const& s) {
+    std::string const lamp = s.light_direction ? "from one direction" : "from the camera";
+    return !s.environment ? lamp : s.ambient >= 1 ? "from an environment" : text(lamp, " and from an environment");
+}
+
+} // namespace
+
 std::vector<std::string> model_text(RenderSettings const& s) {
     std::string model, why;
     switch (s.algorithm) {
     case Algorithm::ray_marching:
-        model = s.shade == 0        ? "absorption and emission"
-                : s.light_direction ? "absorption and emission, surfaces lit from one direction"
-                                    : "absorption and emission, surfaces lit from the camera";
+        model = s.shade == 0 ? "absorption and emission" : text("absorption and emission, surfaces lit ", lit_from(s));
         if (s.shadows) model += ", with shadows";
         if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "light that is scattered once or more is not asked for (--render-algo multi-scattering)";
         break;
     case Algorithm::implicit_iso:
-        model = !s.light_direction ? "surfaces, lit from the camera"
-                : s.shadows        ? "surfaces, lit from one direction, with shadows"
-                                   : "surfaces, lit from one direction";
+        model = text("surfaces, lit ", lit_from(s), s.shadows ? ", with shadows" : "");
         if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "opacity of the volume itself is not asked for (--render-algo ray-marching)";
         break;
     case Algorithm::multi_scattering:
-        model = s.environment ? "multiple scattering, light from an environment"
-                              : "multiple scattering, light from all around";
-        why = s.environment ? "one ray towards the light wherever a path is scattered, by the brightness of the picture"
-                            : "the light has no direction, so that paths end in it by themselves and no shadow ray is "
-                              "needed";
+        model = text("multiple scattering, light ", s.light_direction ? "from one direction and " : "",
+                     s.environment ? "from an environment" : "from all around");
+        why = s.light_direction ? "one ray towards the light wherever a path is scattered, none where it is not"
+              : s.environment
+                  ? "one ray towards the light wherever a path is scattered, by the brightness of the picture"
+                  : "the light has no direction, so that paths end in it by themselves and no shadow ray is needed";
         break;
     case Algorithm::maximum:
     case Algorithm::minimum:
@@ -574,8 +606,10 @@ std::vector<std::string> model_text(RenderSettings const& s) {
     else
         stops = s.goal.tolerance > 0
                     ? text("rays until the error is below ", s.goal.tolerance, " levels in every pixel")
-                : s.goal.any() ? text("rays for ", s.goal.seconds, " s")
-                               : "one ray a pixel, through its middle, since there is no --tolerance";
+                : s.goal.any()     ? text("rays for ", s.goal.seconds, " s")
+                : smooths_edges(s) ? text("one ray a pixel, through its middle, and ", s.edge_rays,
+                                          " at edges, since there is no ", "--tolerance")
+                                   : "one ray a pixel, through its middle, since there is no --tolerance";
     return {text("model ", model), text("no heavier model: ", why), text("refinement ", stops)};
 }
 
@@ -583,8 +617,10 @@ std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
     return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,
                 " empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
-                rounded(1e3 * r.render_seconds), " ms by ", r.drawn_by, r.quality.error >= 0 ? "; " : "",
-                r.quality.error >= 0 ? quality_text(r, {}) : std::string());
+                rounded(1e3 * r.render_seconds), " ms by ", r.drawn_by,
+                r.quality.edges > 0 ? text("; edges in ", rounded(100 * r.quality.edges), "% of the pixels") : "",
+                r.quality.error >= 0 ? "; " : "", r.quality.error >= 0 ? quality_text(r, {}) : std::string(),
+                r.recognised.empty() ? "" : "; taken for ", r.recognised);
 }
 
 } // namespace vkt::render

@@ -38,7 +38,7 @@ private:
     mutable std::shared_ptr<Environment const> environment_; ///< the same
     mutable std::vector<CameraRequest> keyframes_;           ///< the same
     std::int64_t seed_ = 0;
-    bool no_skip_ = false;
+    bool no_skip_ = false, denoise_ = false;
 };
 
 /// One line: method, sizes, shares, times.
@@ -66,6 +66,9 @@ struct OptionWords {
 /// The options of `vkt render` that make these settings, bit for bit; what no option is needed for is left out, as is
 /// what does not apply to the algorithm. A transfer function is given as its JSON.
 std::vector<OptionWords> options_of(RenderSettings const& settings);
+/// The share of the light from everywhere where none is asked for: all of it where an environment is all that lights
+/// surfaces.
+double ambient_unless_given(RenderSettings const& settings);
 /// Whether the option has a meaning for the algorithm.
 bool applies(std::string_view option, Algorithm algorithm);
 /// True if light is held back that would reach a point without any surface: a light means something with --shade none.

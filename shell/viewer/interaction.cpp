@@ -264,6 +264,7 @@ double first_effort(RenderSettings const& full) {
 RenderSettings reduced(RenderSettings const& full, double effort) {
     if (effort >= 1) return full;
     RenderSettings s = full;
+    s.edge_rays = 1; // larger pixels have larger steps anyway
     double pixels = effort;
     if (full.algorithm == Algorithm::ray_marching) {
         if (full.exact) {

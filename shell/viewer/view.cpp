@@ -80,6 +80,10 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
         s.opacity = plain.opacity, s.unit = plain.unit, s.opacity_scale = plain.opacity_scale;
     }
     if (!render::applies("shade", s.algorithm)) s.shade = plain.shade;
+    if (s.algorithm == Algorithm::multi_scattering) {
+        s.shadows = false, s.ambient_occlusion = 0, s.specular = plain.specular;
+        if (!s.light_direction) s.ambient = plain.ambient;
+    }
     if (render::is_projection(s.algorithm)) {
         s.light_direction.reset(), s.shadows = false, s.ambient_occlusion = 0;
         s.ambient = plain.ambient, s.specular = plain.specular;
@@ -87,9 +91,11 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     if (s.shade == 0 && !render::holds_back_light(s, s.algorithm)) {
         s.light_direction.reset(), s.shadows = false;
         s.ambient = plain.ambient, s.specular = plain.specular;
+        s.environment.reset(), s.environment_file.clear();
     }
     // As for options: whoever places a light wants to see it.
-    bool const placed = s.light_direction || s.ambient != plain.ambient || s.specular != plain.specular;
+    bool const placed =
+        s.light_direction || s.environment || s.ambient != plain.ambient || s.specular != plain.specular;
     if (placed && s.shade < 0 && render::applies("shade", s.algorithm)) s.shade = 1;
     if (!view.camera) return s;
     render::CameraRequest request;

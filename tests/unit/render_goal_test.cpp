@@ -70,6 +70,7 @@ TEST(RenderGoal, ToleranceBoundsTheErrorOfEdges) {
     RenderSettings s = small(40);
     s.algorithm = Algorithm::implicit_iso;
     s.isos = {60};
+    s.edge_rays = 1;
     RenderSettings large = s;
     large.width = large.height = 40 * 32;
     Image const reference = reduced(render::render(volume, large, default_execution()), 32);

@@ -165,7 +165,7 @@ TEST(RenderUnlisted, ShadowsAreTheSame) {
     for (bool const blocks : {false, true}) {
         Scene all(sphere_tree(), blocks);
         SceneView& scene = all.scene;
-        scene.lamp = {true, true, {0.6, 0.8, 0}, {0.6, 0.8, 0}};
+        scene.lamp = {true, true, {0.6, 0.8, 0}, {0.6, 0.8, 0}, {}};
         scene.ways[0] = {{0.6F, 0.8F, 0}, 1, 1e6F};
         scene.ways[1] = {{0, 0, 1}, 1, 8};
         scene.around_count = 1;

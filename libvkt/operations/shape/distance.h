@@ -15,8 +15,8 @@ namespace vkt {
 /// in float32, 0 at those; infinite where there is none. What lies outside of the volume counts as nothing. With
 /// `both`, voxels that are zero hold minus the distance to the nearest that is not. Squares of distances are whole
 /// numbers where the ratio of the spacings is one of small integers, and then exact; otherwise they round to float32
-/// once. Three passes over lines, in place, in memory or in the spool; cost grows with the distances up to 20 voxels and
-/// no more beyond.
+/// once. Three passes over lines, in place, in memory or in the spool; cost grows with the distances up to 20 voxels
+/// and no more beyond.
 class Distance : public Operation, public LinePasses {
 public:
     bool both = false;

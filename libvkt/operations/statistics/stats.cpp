@@ -42,7 +42,8 @@ Report named(std::string const& name) {
 
 Texts Stats::texts() const {
     return {"Count, extremes and where they are, sum, mean, variance, product of a volume.",
-            "One pass, and some more for percentiles. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the "
+            "One pass, and some more for percentiles. Values are physical (slope * stored + intercept). Sums of "
+            "integers are exact; the result is the "
             "same bit for "
             "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count "
             "as values. "

@@ -49,11 +49,8 @@ VKT_HD CutFace cut_face(SceneView const& scene, Ray const& ray) {
     if (!(per_length > 0)) return face;
     normal = normal * (1 / per_length);
     rise /= per_length;
-    float const* const m = scene.shade.metric;
-    Float3 const g = to_float(normal);
-    float const squared =
-        m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z + m[5] * g.y * g.z;
-    face.normal = g;
+    face.normal = to_float(normal);
+    float const squared = squared_length(scene.shade, face.normal);
     face.reach = static_cast<float>(cut_depth * std::sqrt(static_cast<double>(squared)) / rise);
     return face;
 }

@@ -183,12 +183,20 @@ VKT_HD Radiance lit_element(SceneView const& scene, Ray const& ray, double t, Fl
         Double3 const point = ray.entry + ray.direction * (t - off);
         light = arriving_at(scene, point, g, facing, asked, light_from);
     }
+    float around[3] = {0, 0, 0};
+    if (scene.around.on) {
+        float const squared = squared_length(scene.shade, g), open = scene.shade.ambient * light.ambient;
+        arriving_from(scene.around, g, squared, surface_share(scene.shade, squared, 0.0F), facing > 0, around);
+        for (float& c : around) c *= open;
+        light.ambient = 0;
+    }
     // What is no surface is lit by the lamp in any case.
     float const base = unshaded(scene.shade, {1, light.ambient});
     float const along = facing * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
     Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
                                        : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, base, 0.0F);
-    return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+    return {iso.red * (s.diffuse + around[0]) + s.glint, iso.green * (s.diffuse + around[1]) + s.glint,
+            iso.blue * (s.diffuse + around[2]) + s.glint, 0};
 }
 
 /// The same of an iso-surface.

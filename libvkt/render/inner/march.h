@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/render/inner/cut.h"
+#include "libvkt/render/inner/irradiance.h"
 #include "libvkt/render/inner/occlusion.h"
 #include "libvkt/render/inner/segments.h"
 #include "libvkt/render/inner/sums.h"
@@ -42,15 +43,17 @@ VKT_HD float unshaded(ShadeView const& shade, Arriving const& light) {
     return 1.0F + shade.ambient * (light.ambient - 1.0F) + (1.0F - shade.ambient) * (light.lamp - 1.0F);
 }
 
+/// How much of a surface a gradient of this squared length is; one of `reference` is half of one.
+VKT_HD float surface_share(ShadeView const& shade, float squared, float reference) {
+    return squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
+}
+
 /// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
 /// `reference` is shaded half. Of the light from everywhere the share `open` arrives; `base`: brightness of what is no
 /// surface.
 VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float open, float base,
                             float reference) {
-    float const* m = shade.metric;
-    float const squared =
-        m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
-    float const surface = squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
+    float const squared = squared_length(shade, {gx, gy, gz}), surface = surface_share(shade, squared, reference);
     float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
     float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
     float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
@@ -79,10 +82,7 @@ VKT_HD LampFrame lamp_frame(SceneView const& scene, Double3 direction, double wo
 /// As headlight(), with a lamp. What faces the eye and not the lamp is dark.
 VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, Arriving const& light, float base,
                             float reference) {
-    float const* m = shade.metric;
-    float const squared =
-        m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z + m[5] * g.y * g.z;
-    float const surface = squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
+    float const squared = squared_length(shade, g), surface = surface_share(shade, squared, reference);
     bool const faces = parts.ray * parts.lamp < 0;
     float const per = squared > 0 && faces ? 1.0F / squared : 0.0F;
     float const ratio = parts.lamp * parts.lamp * per, glancing = parts.half * parts.half * per;
@@ -140,6 +140,8 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         return lighting == Lighting::open || (lighting == Lighting::any && scene.shade.strength > 0);
     }
     VKT_HD bool occluded() const { return lighting == Lighting::any && (scene.lamp.shadows || scene.around_count > 0); }
+    /// Whether light from everywhere has colours, or something holds light back.
+    VKT_HD bool lit_one_by_one() const { return occluded() || (lighting == Lighting::any && scene.around.on); }
 
     /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
     VKT_HD int advance(int from, int to) {
@@ -234,6 +236,28 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
     }
 #endif
 
+    /// Light of the environment, of which the share `open` arrives, on a segment with this gradient at its middle; of
+    /// what is seen of it the share `at_face` lies at the face by which the ray enters.
+    VKT_HD void surround(float x, float y, float z, bool shaded, float at_face, Float3 toward, float open,
+                         float* out) const {
+        auto const arriving = [&](Float3 g, float reference, float* to) __attribute__((always_inline)) {
+            float const squared = squared_length(scene.shade, g);
+            arriving_from(scene.around, g, squared, surface_share(scene.shade, squared, reference), dot(g, toward) > 0,
+                          to);
+        };
+        Float3 g{0, 0, 0};
+        if (shaded) g = {in_references(scene.shade, x), in_references(scene.shade, y), in_references(scene.shade, z)};
+        arriving(g, 1.0F, out);
+        if constexpr (lighting != Lighting::flat)
+            if (at_face > 0) {
+                float face[3];
+                arriving(cut.normal, 0.0F, face);
+                for (int c = 0; c < 3; ++c) out[c] += at_face * (face[c] - out[c]);
+            }
+        float const share = scene.shade.ambient * open;
+        for (int c = 0; c < 3; ++c) out[c] *= share;
+    }
+
     /// Adds segments from `from` on; what is behind the last one has no depth.
     VKT_HD void composite(int from, int segments, Quad const* mean, float const* extinction, float const* depth) {
         alignas(64) float through[together], weight[together];
@@ -243,7 +267,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             weight[j] = a.absorbed;
         }
         alignas(64) float diffuse[together], glint[together], gx[together], gy[together], gz[together];
-        bool const shaded = this->shaded(), occluded = this->occluded();
+        bool const shaded = this->shaded(), one_by_one = lit_one_by_one();
         if (shaded) {
             alignas(64) Real t[together];
             for (int j = 0; j < together; ++j) {
@@ -274,10 +298,16 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             glint[j] = s.glint;
         };
         // The face by which the ray enters is a surface as well.
+        auto const share_of_face = [&](int j) __attribute__((always_inline)) {
+            if constexpr (lighting == Lighting::flat)
+                return 0.0F;
+            else
+                return cut.share(static_cast<float>(comb.point(from + j)), static_cast<float>(comb.point(from + j + 1)),
+                                 depth[j], weight[j]);
+        };
         auto const cut_by_face = [&](int j, Arriving const& arriving, float base) __attribute__((always_inline)) {
             if constexpr (lighting != Lighting::flat) {
-                float const share = cut.share(static_cast<float>(comb.point(from + j)),
-                                              static_cast<float>(comb.point(from + j + 1)), depth[j], weight[j]);
+                float const share = share_of_face(j);
                 if (!(share > 0)) return;
                 Float3 const g = cut.normal;
                 Reflection const face = scene.lamp.on
@@ -296,30 +326,43 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         };
         bool const at_face = is_cut();
         // Loops of their own, which vectorise.
-        bool const at_once = shaded && !occluded;
+        bool const at_once = shaded && !one_by_one;
         for (int j = 0; j < together && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
         for (int j = 0; j < together && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
         for (int j = 0; j < segments && at_once && at_face; ++j) cut_by_face(j, {}, 1.0F);
 #ifndef __CUDACC__ // it has one segment
-        if (!occluded &&
+        if (!one_by_one &&
             add_all(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr, shaded ? glint : nullptr))
             return;
 #endif
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
+            float around[3] = {0, 0, 0};
             if constexpr (lighting == Lighting::any)
-                if (occluded) {
+                if (one_by_one) {
                     int const k = from + j;
-                    Arriving const arriving =
-                        occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
-                                             origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
+                    Arriving arriving;
+                    if (occluded())
+                        arriving =
+                            occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
+                                                 origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
+                    if (scene.around.on) {
+                        surround(gx[j], gy[j], gz[j], shaded, at_face ? share_of_face(j) : 0.0F, toward,
+                                 arriving.ambient, around);
+                        arriving.ambient = 0;
+                    }
                     float const base = unshaded(scene.shade, arriving);
                     diffuse[j] = base, glint[j] = 0;
                     if (shaded) reflect(j, scene.lamp.on, arriving, base);
                     if (at_face) cut_by_face(j, arriving, base);
                 }
             float const share = passing * weight[j];
-            if (shaded || occluded) {
+            if (lighting == Lighting::any && scene.around.on) {
+                float const g = share * glint[j], per = share / mean[j][0];
+                light = light + Quad{0, mean[j][1] * ((diffuse[j] + around[0]) * per) + g,
+                                     mean[j][2] * ((diffuse[j] + around[1]) * per) + g,
+                                     mean[j][3] * ((diffuse[j] + around[2]) * per) + g};
+            } else if (shaded || one_by_one) {
                 float const g = share * glint[j];
                 light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
             } else {

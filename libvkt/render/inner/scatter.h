@@ -1,5 +1,5 @@
 // Volumetric path tracing: delta tracking through macrocell majorants, light from all around, the same or that of an
-// environment, scattered in all directions alike or as Henyey and Greenstein have it.
+// environment, and from one direction, scattered in all directions alike or as Henyey and Greenstein have it.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -57,6 +57,44 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
         left -= static_cast<float>(majorant * (leave - t));
     } while (cells.advance());
     return {false, length, {}};
+}
+
+/// Share of a light that passes a way, without bias: at tentative collisions the share of the majorant that the
+/// extinction leaves passes (ratio tracking: Novák and others, Residual ratio tracking for estimating attenuation in
+/// participating media, 2014). Where little is left a roulette ends the way.
+template <ScalarField S, class Real = typename S::Real>
+VKT_HD float passed(S const& sampler, SceneView const& scene, typename S::Vector origin, typename S::Vector direction,
+                    Real length, Real world, Random& random, Counters& counters) {
+    constexpr float little = 0.1F;
+    CellWalk<Real> cells;
+    cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
+                scene.cells.ny, scene.cells.nz);
+    float left = -std::log(1.0F - random.next()), share = 1;
+    do {
+        Real majorant = 0;
+        for (;;) {
+            std::int64_t const index = scene.cells.index(cells.cell);
+            majorant = scene.cells.majorant[index] * world;
+            if (majorant > 0) break;
+            if (!cells.leap(scene.cells.distance[index])) return share;
+        }
+        Real t = cells.t;
+        Real const leave = cells.leave();
+        while (left < majorant * (leave - t)) {
+            t += left / majorant;
+            Medium const m = medium_at(sampler, scene, origin + direction * t);
+            ++counters.samples;
+            float const kept = 1.0F - static_cast<float>(m.extinction * world / majorant);
+            share *= kept > 0 ? kept : 0.0F;
+            if (share < little) {
+                if (random.next() * little >= share) return 0;
+                share = little;
+            }
+            left = -std::log(1.0F - random.next());
+        }
+        left -= static_cast<float>(majorant * (leave - t));
+    } while (cells.advance());
+    return share;
 }
 
 /// Cosine between the directions before and after, for a uniform number in [0, 1): its mean is g, in (-1, 1) (Henyey
@@ -121,6 +159,17 @@ VKT_HD void add_environment(S const& sampler, SceneView const& scene, typename S
     for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i] * light.pixel[i] * weight;
 }
 
+/// The same of a light that is far away, in one direction, which no path meets by itself.
+template <ScalarField S>
+VKT_HD void add_lamp(S const& sampler, SceneView const& scene, typename S::Vector p, Double3 world_way,
+                     float const* through, float* sum, Random& random, Counters& counters) {
+    Way<S> const way = way_from<S>(scene, p, scene.lamp.world);
+    float const cosine = static_cast<float>(dot(world_way, scene.lamp.world));
+    float const share = passed(sampler, scene, p, way.direction, way.length, way.world, random, counters) *
+                        henyey_greenstein_density(scene.anisotropy, cosine);
+    for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.lamp.light[i] * share;
+}
+
 /// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
 template <ScalarField S>
 VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random,
@@ -161,9 +210,12 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
             break;
         }
         p = p + d * flight.t;
-        if (pictured && scene.environment.per_total > 0) {
-            Double3 const came = scene.to_world * Double3{d.x, d.y, d.z};
-            add_environment(sampler, scene, p, came * (1 / std::sqrt(dot(came, came))), through, sum, random, counters);
+        bool const drawn = pictured && scene.environment.per_total > 0;
+        if (drawn || scene.lamp.on) {
+            Double3 const whole = scene.to_world * Double3{d.x, d.y, d.z},
+                          came = whole * (1 / std::sqrt(dot(whole, whole)));
+            if (drawn) add_environment(sampler, scene, p, came, through, sum, random, counters);
+            if (scene.lamp.on) add_lamp(sampler, scene, p, came, through, sum, random, counters);
         }
         if (bounce >= roulette_from && most < 1) {
             if (random.next() >= most) break;

@@ -36,6 +36,24 @@ struct ShadeView {
     float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared length of a lattice gradient, per smallest spacing
 };
 
+/// Squared length of a lattice gradient, per smallest spacing.
+VKT_HD float squared_length(ShadeView const& shade, Float3 g) {
+    float const* const m = shade.metric;
+    return m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z +
+           m[5] * g.y * g.z;
+}
+
+/// Diffuse light of an environment, by colour: that on a surface is a polynomial of second order in its normal, as its
+/// irradiance is but for small parts (Ramamoorthi and Hanrahan, An Efficient Representation for Irradiance Environment
+/// Maps, 2001). All is per that of an environment which is 1 everywhere.
+struct IrradianceView {
+    bool on = false;
+    float mean[3];         ///< of all directions: what arrives where there is no surface
+    float constant[3];     ///< part that does not depend on the normal
+    Float3 linear[3];      ///< by the gradient over its length
+    float quadratic[3][6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: by squares of the same
+};
+
 /// A direction of the lattice from which light comes.
 struct LightWay {
     Float3 direction; ///< towards it, of unit length
@@ -49,6 +67,7 @@ struct LampView {
     bool on = false, shadows = false;
     Double3 world{};   ///< towards it, of unit length
     Double3 lattice{}; ///< the same in the lattice
+    float light[3];    ///< of paths: what arrives per area across it
 };
 
 struct IsoView {
@@ -81,6 +100,7 @@ struct SceneView {
     int bend_count;
     ShadeView shade;
     LampView lamp;
+    IrradianceView around; ///< instead of light from everywhere that is the same
     /// The lamp's, if it throws shadows, and then those over which the light from everywhere is measured.
     LightWay ways[1 + most_ways];
     int around_count; ///< of the latter; 0: that light is everywhere the same
@@ -99,10 +119,10 @@ struct SceneView {
     // Scattering.
     int samples, first_sample, bounces;
     std::uint64_t seed;
-    float albedo, light[3]; ///< from all around, or what the environment is multiplied by
-    EnvironmentView environment;
-    float anisotropy = 0; ///< mean cosine of the scattering angle
-    Matrix3 to_world;     ///< the inverse of to_lattice
+    float albedo, light[3];      ///< from all around, or what the environment is multiplied by
+    EnvironmentView environment; ///< of paths
+    float anisotropy = 0;        ///< mean cosine of the scattering angle
+    Matrix3 to_world;            ///< the inverse of to_lattice
     bool emission;
     SumsView sums;
     int before; ///< number of the rays in the sums

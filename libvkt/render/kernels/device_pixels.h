@@ -84,7 +84,7 @@ enum class Usual : std::uint8_t { flat, shaded, surface, layers };
 
 bool is_usual(SceneView const& scene) {
     return scene.rays == 1 && scene.before == 0 && scene.sums.light == nullptr && scene.sums.odd == nullptr &&
-           scene.sums.squares == nullptr && !scene.lamp.shadows && scene.around_count == 0;
+           scene.sums.squares == nullptr && !scene.lamp.shadows && scene.around_count == 0 && !scene.around.on;
 }
 
 } // namespace

@@ -224,15 +224,7 @@ Wish Panels::camera_panel(View& view, Shown const& shown) {
 
 void Panels::light_panel(View& view, Shown const& shown) {
     Look& look = view.look;
-    if (look.algorithm == Algorithm::multi_scattering) {
-        if (!shown.asked.environment) {
-            ImGui::TextDisabled("the same from all around; --environment lights it by a picture");
-            return;
-        }
-        slider("turned by", look.environment_rotation, -180, 180, false, "%.0f degrees");
-        slider("strength", look.environment_strength, 0.01, 100, true, "%.3g");
-        return;
-    }
+    bool const scattered = look.algorithm == Algorithm::multi_scattering;
     if (look.exact && look.algorithm == Algorithm::ray_marching) {
         ImGui::TextDisabled("exact pictures are not lit");
         return;
@@ -245,16 +237,24 @@ void Panels::light_panel(View& view, Shown const& shown) {
         Axes const axes = axes_of(camera);
         if (lamp) look.light_direction = direction_of(angles_of(axes.up - axes.forward - axes.right * 0.6));
         if (!lamp) look.shadows = false;
+        if (lamp && look.ambient >= 1) look.ambient = render::RenderSettings().ambient; // or it would not be seen
     }
-    tip("else from the camera");
+    tip(scattered ? "else from everywhere" : "else from the camera");
     if (lamp) {
         Angles angles = angles_of(*look.light_direction);
         bool turned = slider("azimuth", angles.azimuth, -180, 180, false, "%.0f degrees");
         turned = slider("elevation", angles.elevation, -89, 89, false, "%.0f degrees") || turned;
         if (turned) look.light_direction = direction_of(angles);
-        ImGui::Checkbox("shadows", &look.shadows);
+        if (!scattered) ImGui::Checkbox("shadows", &look.shadows);
     }
-    slider("from everywhere", look.ambient, 0, 1, false, "%.2f");
+    if (lamp || !scattered) slider("from everywhere", look.ambient, 0, 1, false, "%.2f");
+    if (shown.asked.environment) {
+        slider("turned by", look.environment_rotation, -180, 180, false, "%.0f degrees");
+        slider("strength", look.environment_strength, 0.01, 100, true, "%.3g");
+    } else {
+        ImGui::TextDisabled("the same from everywhere; --environment lights it by a picture");
+    }
+    if (scattered) return;
     slider("highlight", look.specular, 0, 1, false, "%.2f");
     bool occluded = look.ambient_occlusion > 0;
     if (ImGui::Checkbox("ambient occlusion", &occluded)) look.ambient_occlusion = occluded ? 16 : 0;
