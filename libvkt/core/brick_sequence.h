@@ -1,5 +1,6 @@
 // BrickSequence: a hierarchical volume whose cells come a few bricks at a time: from memory, a file, a pipe, or from an
-// operation that computes them then. SPDX-License-Identifier: MIT
+// operation that computes them then.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/volume.h"

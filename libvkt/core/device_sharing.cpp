@@ -1,5 +1,6 @@
 // CUDA's virtual memory management, or its absence. The driver's functions are asked for at run time: nothing is
-// linked. SPDX-License-Identifier: MIT
+// linked.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/device_sharing.h"
 
 #include "libvkt/core/device.h"

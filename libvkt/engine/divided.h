@@ -1,5 +1,6 @@
 // One pipeline, several times: each instance computes some of the slices, on a GPU of its own, and they come out as
-// one. SPDX-License-Identifier: MIT
+// one.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/engine/operation.h"

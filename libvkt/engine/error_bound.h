@@ -1,5 +1,6 @@
 // How far a result may be from what exact arithmetic gives for the same input, as far as that is known before any value
-// is. SPDX-License-Identifier: MIT
+// is.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/types.h"

@@ -1,5 +1,6 @@
 // Source and Sink: where voxels come from and where they go, slab by slab. Files, pipes, operations are all of this
-// shape. SPDX-License-Identifier: MIT
+// shape.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/brick_sequence.h"

@@ -1,5 +1,6 @@
 // HDF5 datasets, FILE:/GROUP/DATASET, read by a child, written through the module hdf5. Files of FLASH are their own
-// format (hierarchical.cpp). SPDX-License-Identifier: MIT
+// format (hierarchical.cpp).
+// SPDX-License-Identifier: MIT
 #include "libvkt/formats/hdf5.h"
 
 #include "libvkt/core/error.h"

@@ -1,5 +1,6 @@
 // Pieces that the text headers of formats share: numbers, words, file name patterns, axis signs, the history as a
-// value. SPDX-License-Identifier: MIT
+// value.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/header.h"

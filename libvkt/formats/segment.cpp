@@ -1,5 +1,6 @@
 // A segment is a head of 64 bytes, the header as streams have it, the bricks of a tree, and from a page of its own the
-// voxels. SPDX-License-Identifier: MIT
+// voxels.
+// SPDX-License-Identifier: MIT
 #include "libvkt/formats/segment.h"
 
 #include "libvkt/amr/tree.h"

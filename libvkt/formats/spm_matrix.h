@@ -1,5 +1,6 @@
 // What SPM keeps beside an Analyze pair: NAME.mat, a MATLAB file with the map from voxels, counted from 1, to the
-// world. SPDX-License-Identifier: MIT
+// world.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/geometry.h"

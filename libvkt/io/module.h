@@ -1,5 +1,6 @@
 // Modules: parts of vkt that need heavy libraries (HDF5, OpenVDB, libtiff, GDCM, OpenEXR, FreeType, a window's), loaded
-// when they are asked for first. SPDX-License-Identifier: MIT
+// when they are asked for first.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/io/parser_child.h"

@@ -1,5 +1,6 @@
-// Operations as functions of C++, one line each: vkt::gaussian(volume, {.sigma = 2}). SPDX-License-Identifier: MIT
+// Operations as functions of C++, one line each: vkt::gaussian(volume, {.sigma = 2}).
 // What they leave out is told to apply() in words, as on the command line.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/volume.h"

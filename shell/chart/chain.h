@@ -1,5 +1,6 @@
 // A pipeline of operations on volumes in memory, or of one that ends with a picture: run under settings of its knobs,
-// with what its plans promise. SPDX-License-Identifier: MIT
+// with what its plans promise.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/volume.h"

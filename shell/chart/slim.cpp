@@ -1,5 +1,6 @@
 // Candidates are made by operations in memory, run through the pipeline, and compared with what the volume itself
-// makes. SPDX-License-Identifier: MIT
+// makes.
+// SPDX-License-Identifier: MIT
 #include "shell/chart/slim.h"
 
 #include "libvkt/core/collect.h"

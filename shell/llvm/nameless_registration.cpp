@@ -1,5 +1,6 @@
 // Linked into programs that clang builds: LLVM's OpenMP registers each process under a name in /dev/shm, which would
-// stay there after kill -9. SPDX-License-Identifier: MIT
+// stay there after kill -9.
+// SPDX-License-Identifier: MIT
 #include <cerrno>
 #include <string_view>
 

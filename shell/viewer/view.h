@@ -1,5 +1,6 @@
 // What a window shows, as a plain value: camera, integrator, transfer function, surfaces. And the command that draws
-// it. SPDX-License-Identifier: MIT
+// it.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/render/render.h"

@@ -1,5 +1,6 @@
 // A stage of a pipeline whose GPU is a stand-in, so that its transport can be killed on machines without one:
-// vkt_gpu_stage pass|copy. SPDX-License-Identifier: MIT
+// vkt_gpu_stage pass|copy.
+// SPDX-License-Identifier: MIT
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"

@@ -1,5 +1,6 @@
 // Loaded before the C library: from the VKT_NO_MEMORY_AT-th block of 128 bytes or more on, VKT_NO_MEMORY_FOR are
-// refused. Smaller ones are not: nlohmann::json does not survive that. SPDX-License-Identifier: MIT
+// refused. Smaller ones are not: nlohmann::json does not survive that.
+// SPDX-License-Identifier: MIT
 #include <atomic>
 #include <cerrno>
 #include <cstdio>

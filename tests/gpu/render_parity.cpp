@@ -1,5 +1,6 @@
 // Pictures of grids, trees and labels drawn on a GPU against the CPU's, for all integrators and types that rays sample;
-// then frames of 1024 x 1024. SPDX-License-Identifier: MIT
+// then frames of 1024 x 1024.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/device.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/render/render.h"

@@ -1,5 +1,6 @@
 // Point sampling of hierarchical volumes on a GPU against the CPU: values and gradients, inside levels, where they
-// meet, on corners and in holes; then samples a second of each. SPDX-License-Identifier: MIT
+// meet, on corners and in holes; then samples a second of each.
+// SPDX-License-Identifier: MIT
 #include "libvkt/amr/make_amr.h"
 #include "libvkt/amr/sampler.h"
 #include "libvkt/amr/tree.h"

@@ -1,5 +1,6 @@
 // What several GPUs of a host gain on voxels that lie in their memory already: a Gaussian of 2048^3 uint16 and paths of
-// light, by one of them and by all. SPDX-License-Identifier: MIT
+// light, by one of them and by all.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/device.h"
 #include "libvkt/core/parameters.h"

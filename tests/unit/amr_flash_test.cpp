@@ -1,5 +1,6 @@
 // FLASH files written by the library and read back: grids from float32 boxes, versions, guards, parents, regions,
-// damage. SPDX-License-Identifier: MIT
+// damage.
+// SPDX-License-Identifier: MIT
 #include "amr_helper.h"
 
 #include "libvkt/amr/edit.h"

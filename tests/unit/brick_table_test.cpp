@@ -1,5 +1,6 @@
 // Tables of bricks: packed they say what their records say, in a fraction of the bytes, and nothing else is taken for
-// one. SPDX-License-Identifier: MIT
+// one.
+// SPDX-License-Identifier: MIT
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/error.h"
 

@@ -1,5 +1,6 @@
 // The engine: chains of operations give the same voxels for every slab height, source and budget, whatever they ask
-// for. SPDX-License-Identifier: MIT
+// for.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"

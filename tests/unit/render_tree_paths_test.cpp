@@ -1,5 +1,6 @@
 // Paths, the exact reference, projections and goals on hierarchical volumes: against structured ones that hold the
-// same, closed forms, and against themselves. SPDX-License-Identifier: MIT
+// same, closed forms, and against themselves.
+// SPDX-License-Identifier: MIT
 #include "render_trees.h"
 
 #include "libvkt/render/passes.h"

@@ -1,5 +1,6 @@
 // Surfaces of hierarchical volumes and the pieces that rays are cut into: against structured volumes that hold the
-// same, closed forms, and parity. SPDX-License-Identifier: MIT
+// same, closed forms, and parity.
+// SPDX-License-Identifier: MIT
 #include "render_trees.h"
 
 #include "libvkt/render/inner/iso.h"

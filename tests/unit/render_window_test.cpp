@@ -1,5 +1,6 @@
 // What a window needs of the renderer: nothing made twice, passes that add up, clip boxes, surfaces that let light
-// pass. SPDX-License-Identifier: MIT
+// pass.
+// SPDX-License-Identifier: MIT
 #include "libvkt/render/settings.h"
 #include "tests/unit/render_testing.h"
 

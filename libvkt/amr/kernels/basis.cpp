@@ -1,6 +1,7 @@
 // The basis reconstruction of one tile: sums of cell-width hat functions, separable within every brick.
 // Method: Wald, Zellmann, Usher, Morrical, Lang, Pascucci, "Ray Tracing Structured AMR Data Using ExaBricks" (2021),
-// §4. SPDX-License-Identifier: MIT
+// §4.
+// SPDX-License-Identifier: MIT
 #include "libvkt/amr/kernels/tile_common.h"
 
 namespace vkt::VKT_BACKEND {

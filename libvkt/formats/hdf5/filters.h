@@ -1,5 +1,6 @@
 // Compression of HDF5's chunks that the library leaves to plugins: which filters are read here, and how others are
-// named. SPDX-License-Identifier: MIT
+// named.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include <cstdint>

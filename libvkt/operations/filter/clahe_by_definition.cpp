@@ -1,5 +1,6 @@
 // CLAHE once more, as its manual page defines it: shares of voxels, curves and blends by sums in long double. What vkt
-// stress compares results with. SPDX-License-Identifier: MIT
+// stress compares results with.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/type_dispatch.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/operations/filter/clahe.h"

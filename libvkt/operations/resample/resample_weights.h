@@ -1,5 +1,6 @@
 // Where a resampled line takes its values from: for every output voxel of an axis the first input voxel and the
-// weights. SPDX-License-Identifier: MIT
+// weights.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/buffer.h"

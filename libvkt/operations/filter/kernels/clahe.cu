@@ -1,5 +1,6 @@
 // CLAHE on GPUs: a block of threads a brick's curve; every voxel blends the curves around it, in the order in which
-// CPUs do. SPDX-License-Identifier: MIT
+// CPUs do.
+// SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/kernels/clahe.h"
 
 #include "libvkt/kernel/cuda_voxels.h"

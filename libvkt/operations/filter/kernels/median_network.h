@@ -1,5 +1,6 @@
 // The median of 3^3, 5^3, 3^2 and 5^2 voxels by selection networks, and which sizes have one; the same on all back
-// ends. SPDX-License-Identifier: MIT
+// ends.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/network.h"

@@ -1,5 +1,6 @@
 // Where rows of an affine map's result look, on CPUs: what of a row lies inside, tiles that stay in the caches, and
-// samples at the faces, one by one. SPDX-License-Identifier: MIT
+// samples at the faces, one by one.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/kernel.h"

@@ -1,5 +1,6 @@
 // Linear interpolation in float32 on CPUs, by the way that suits the map: rows that stay rows, slices that share their
-// places, and all else. SPDX-License-Identifier: MIT
+// places, and all else.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/rows.h"

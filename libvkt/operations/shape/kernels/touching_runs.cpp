@@ -1,6 +1,7 @@
 // Touching runs, 64 positions at a time: what two runs share begins at one bit, and how many runs begin up to a bit
 // says which run it lies in. Merging lists of edges instead takes a guess a run, which noise makes wrong half of the
-// time. SPDX-License-Identifier: MIT
+// time.
+// SPDX-License-Identifier: MIT
 #include "libvkt/operations/shape/kernels/touching_runs.h"
 
 #include <bit>

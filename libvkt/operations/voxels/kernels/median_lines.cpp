@@ -1,5 +1,6 @@
 // Medians of lines of voxels: keys that are integers in the order of the values, found bit by bit, for many lines at
-// once. SPDX-License-Identifier: MIT
+// once.
+// SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/kernels/median_lines.h"
 
 #include "libvkt/kernel/kernel.h"
