@@ -141,6 +141,72 @@ if theirs:
 '
 }
 
+# What is guaranteed on plateaus, of these floods and of those of scikit-image; and that these differ only where the
+# latter leaves the order open.
+@test "plateaus: regions hang together, and no path comes lower; scikit-image divides them alike but for what it leaves open" {
+    against_reference '
+from watershed_reference import offsets, passes
+try:
+    from skimage.segmentation import _watershed as theirs
+except ImportError:
+    theirs = None
+
+def judge(got, image, markers, connectivity, mask):
+    structure = ndimage.generate_binary_structure(3, {6: 1, 18: 2, 26: 3}[connectivity])
+    lowest = passes(image, markers > 0, connectivity, mask)
+    assert ((got > 0) == (lowest < np.inf)).all()
+    for label in np.unique(got[got > 0]):
+        region = got == label
+        parts, count = ndimage.label(region, structure)
+        assert len(np.unique(parts[region & (markers == label)])) == count, label
+        assert (passes(image, markers == label, connectivity, region)[region] == lowest[region]).all(), label
+
+def lines(got, markers, connectivity):
+    for d in offsets(connectivity):
+        at = tuple(slice(max(0, -k), n - max(0, k)) for k, n in zip(d, got.shape))
+        to = tuple(slice(max(0, k), n - max(0, -k)) for k, n in zip(d, got.shape))
+        touch = (got[at] != got[to]) & (got[at] > 0) & (got[to] > 0)
+        assert not (touch & ((markers[at] == 0) | (markers[to] == 0))).any()
+
+shape = (12, 14, 16)
+reliefs = {"noise": rng.integers(0, 5, shape), "steps": ndimage.zoom(rng.integers(0, 6, (3, 2, 4)), (4, 7, 4), order=0),
+           "flat": np.zeros(shape, int), "smooth": (blobs(shape, 1.5) * 60).round()}
+for name, relief in reliefs.items():
+    image = relief.astype(np.float32)
+    points = np.zeros(shape, np.int32)
+    places = rng.random(shape) < 0.006
+    points[places] = rng.permutation(places.sum()) + 1
+    patches = ndimage.grey_dilation(points, size=(1, 3, 3)).astype(np.int32)
+    for connectivity in (6, 18, 26):
+        for markers in (points, patches):
+            mask = rng.random(shape) < 0.9
+            judge(flood(image, f"--connectivity {connectivity}", markers=markers, mask=mask.astype(np.uint8)),
+                  image, markers * mask, connectivity, mask)
+            lined = flood(image, f"--line --connectivity {connectivity}", markers=markers)
+            lines(lined, markers, connectivity)
+            if not theirs:
+                continue
+            near = ndimage.generate_binary_structure(3, {6: 1, 18: 2, 26: 3}[connectivity])
+            judge(theirs.watershed(image, markers, near, mask=mask), image, markers * mask, connectivity, mask)
+            # Markers of different values, somewhere between the steps, and neighbours in the order of the page.
+            apart = image.astype(np.float64)
+            apart[markers > 0] += rng.permutation((markers > 0).sum()) / 1e4 - 0.02
+            order = theirs._offsets_to_raveled_neighbors
+            theirs._offsets_to_raveled_neighbors = lambda shape, footprint, center, **_: np.array(
+                [(z * shape[1] + y) * shape[2] + x for z, y, x in offsets(connectivity)], np.intp)
+            assert (flood(apart, f"--connectivity {connectivity}", markers=markers)
+                    == theirs.watershed(apart, markers, near)).all(), (name, connectivity)
+            if markers is points:
+                assert (flood(apart, f"--line --connectivity {connectivity}", markers=markers)
+                        == theirs.watershed(apart, markers, near, watershed_line=True)).all(), (name, connectivity)
+            theirs._offsets_to_raveled_neighbors = order
+            # As it is, where no two values are equal.
+            apart = rng.permutation(image.size).reshape(shape).astype(np.float64)
+            assert (flood(apart, f"--connectivity {connectivity}", markers=markers)
+                    == theirs.watershed(apart, markers, near)).all()
+'
+}
+
 @test "balls that touch come apart by their distances; a depth of none would make more" {
     against_reference '
 z, y, x = np.indices((30, 32, 60)).astype(float)

@@ -100,3 +100,24 @@ def minima(image, connectivity=6, mask=None, depth=0):
             for q in part:
                 out[q] = count
     return out
+
+
+def passes(image, sources, connectivity=6, allowed=None):
+    """The least level up to which water must rise to come to each voxel from the sources; infinite where it cannot."""
+    steps = offsets(connectivity)
+    allowed = np.ones(image.shape, bool) if allowed is None else allowed
+    level = np.full(image.shape, np.inf)
+    heap = [(float(image[p]), p) for p in zip(*map(list, np.nonzero(sources & allowed)))]
+    for v, p in heap:
+        level[p] = v
+    heapq.heapify(heap)
+    while heap:
+        v, p = heapq.heappop(heap)
+        if v > level[p]:
+            continue
+        for q in neighbours(image.shape, p, steps):
+            over = max(v, float(image[q]))
+            if allowed[q] and over < level[q]:
+                level[q] = over
+                heapq.heappush(heap, (over, q))
+    return level
