@@ -82,6 +82,7 @@ template <class C> struct Weights {
 
 template <class C> std::vector<Weights<C>> weights_of(std::vector<AxisTaps> const& all) {
     std::vector<Weights<C>> result;
+    result.reserve(all.size());
     for (AxisTaps const& taps : all) result.emplace_back(taps);
     return result;
 }
