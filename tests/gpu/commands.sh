@@ -86,7 +86,8 @@ for type in uint8 uint16 int16 float32 float64; do
     for command in 'rotate --axis z --angle 20' 'rotate --axis 1,2,3 --angle 33 --method cubic' \
         'rotate --axis z --angle 20 --method bspline3' 'rotate --axis 3,1,2 --angle 50 --method bspline5 --boundary mirror' \
         'rotate --axis x --angle 7 --method lanczos3 --boundary wrap' 'rotate --axis z --angle 15 --boundary border:9 --expand' \
-        'rotate --axis z --angle 15 --roi 20:100,5:60,:' 'rotate --axis 1,1,0 --angle 11 --method bspline3 --boundary wrap' \
+        'rotate --axis z --angle 15 --roi 20:100,5:60,:' 'rotate --axis z --angle 15 --roi 20.25:100,5:60.5,2.75:' \
+        'scale --factor 1.2 --roi 20.25:100,5:60.5,: --boundary mirror' 'rotate --axis 1,1,0 --angle 11 --method bspline3 --boundary wrap' \
         'scale --factor 1.3,0.7,1' 'scale --factor 0.6 --method cubic' 'filter box --radius 2' \
         'filter box --radius 9,0,3 --boundary wrap' 'filter box --radius 1 --roi 5:50,3:60,:'; do
         same "$tolerance" "$vkt $command in_$type.nrrd -q"
@@ -100,6 +101,20 @@ for type in uint8 uint16 int16 float32 float64; do
         'kernel cube.txt' 'kernel cross.txt --boundary wrap' 'kernel long.txt' 'kernel five.txt --boundary border:3'; do
         same 1e-5 "$vkt filter $command in_$type.nrrd -q"
     done
+    # Near the ends of a type what is in between must neither overflow nor vanish: results are brought back.
+    case $type in float32) power=126 ;; float64) power=1000 ;; *) power=0 ;; esac
+    if [ $power -gt 0 ]; then
+        up=$(awk -v k=$power 'BEGIN { printf "%.17g", 2 ^ k }') down=$(awk -v k=-$power 'BEGIN { printf "%.17g", 2 ^ k }')
+        "$vkt" arith mul in_$type.nrrd "$up" -o huge_$type.nrrd
+        "$vkt" arith mul in_$type.nrrd "$down" -o tiny_$type.nrrd
+        for command in sobel gradient laplacian 'log --sigma 1.5' 'dog --sigma 1' 'sharpen --sigma 1'; do
+            same 1e-5 "$vkt filter $command huge_$type.nrrd -q | $vkt arith mul - $down -q"
+        done
+        for axis in x y z; do
+            same 1e-6 "$vkt project std --axis $axis huge_$type.nrrd -q | $vkt arith mul - $down -q"
+            same 1e-6 "$vkt project std --axis $axis tiny_$type.nrrd -q | $vkt arith mul - $up -q"
+        done
+    fi
     # Integers may fall to the other side of a half.
     case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
@@ -176,9 +191,10 @@ for type in $types; do
         "$vkt" transform 'v>60 && mod(x*y+z, 7)>0 ? v : 0' -q -o "far_$type.vkt"
     case $type in float*) tolerance=1e-3 ;; *) tolerance=1e-9 ;; esac
     for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
-        'project sum --axis y' scan 'scan --exclusive' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
+        'project sum --axis y' scan 'scan --exclusive' 'scan --roi 3:,1:,2:' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
         label 'label --connectivity 18 --roi 3:,1:,2:' 'label --connectivity 26 --min-size 3 --dtype uint16' fill-holes \
-        'fill-holes --connectivity 26 --value 3' 'slice --axis y' 'slice --z 3 --range minmax'; do
+        'fill-holes --connectivity 26 --value 3' 'fill-holes --roi 3:,1:,2:' 'arith add - 3 --roi 3:,1:,2:' \
+        'arith gt - 3 --roi 3:,1:,2:' 'slice --axis y' 'slice --z 3 --range minmax'; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
     done
     # Interpolated in float32; integers may be rounded either way.

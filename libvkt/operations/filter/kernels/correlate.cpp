@@ -82,6 +82,7 @@ template <class C> struct Weights {
 
 template <class C> std::vector<Weights<C>> weights_of(std::vector<AxisTaps> const& all) {
     std::vector<Weights<C>> result;
+    result.reserve(all.size());
     for (AxisTaps const& taps : all) result.emplace_back(taps);
     return result;
 }
@@ -89,8 +90,9 @@ template <class C> std::vector<Weights<C>> weights_of(std::vector<AxisTaps> cons
 /// A thread's tiles.
 template <class C> class TermTile {
 public:
-    /// With a scale, voxels are multiplied by it, and results divided.
-    TermTile(ConstView in, AnyView out, SeparableSum const& sum, C scale = 1)
+    /// With a scale, voxels are multiplied by it, and results divided. Flat: what is compiled for newer processors must
+    /// not leave functions of the library's vectors for others to link.
+    [[gnu::flatten]] TermTile(ConstView in, AnyView out, SeparableSum const& sum, C scale = 1)
         : in_(in), out_(out), sum_(sum), scale_(scale), headroom_(static_cast<C>(sum.headroom())),
           overflows_(scale == 1 && (in.type == DataType::float32 || in.type == DataType::float64)),
           radius_(sum.radius()), x_(weights_of<C>(sum.x)), y_(weights_of<C>(sum.y)), z_(weights_of<C>(sum.z)) {
