@@ -1,5 +1,5 @@
-// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, legacy files, and lists of
-// images. SPDX-License-Identifier: MIT
+// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, legacy files, lists of them.
+// SPDX-License-Identifier: MIT
 #include "tests/fuzz/volume_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size) {
