@@ -167,7 +167,9 @@ END
     vkt info four.hdr | grep "places of their own of all volumes but the first, in 'four.mat'"
     printf 'MATLAB 5.0 MAT-file' >whole.mat
     vkt info whole.hdr | grep "'whole.mat', which is no file of SPM's"
-    mkdir within && mv single.hdr single.img within && ln -s ../single.mat within/single.mat
+    mkdir within
+    mv single.hdr single.img within
+    ln -s ../single.mat within/single.mat
     vkt info within/single.hdr | grep "'single.mat', which leads out of its directory"
 }
 

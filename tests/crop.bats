@@ -199,7 +199,7 @@ PY
     vkt history half.nrrd | grep -q 'crop --roi 0:11:2,0:8,0:6\|--roi ::2,:,:'
     fails_with 2 'a step of 0' vkt crop v.nrrd --roi ::0,:,: -o no.nrrd
     fails_with 2 'vkt flip reverses' vkt crop v.nrrd --roi ::-1,:,: -o no.nrrd
-    fails_with 2 'with steps is no box' vkt threshold v.nrrd --low 1 --roi ::2,:,: -o no.nrrd
+    fails_with 2 'with steps is no box' vkt fill v.nrrd --roi ::2,:,: -o no.nrrd
     vkt make amr --blocks 20 --levels 2 -o tree.vkt
     fails_with 2 'with steps is no box' vkt stats tree.vkt --roi ::2,:,:
     fails_with 2 'with steps is no box' vkt crop tree.vkt --roi ::2,:,: -o no.vkt

@@ -482,7 +482,7 @@ END
     vkt make ramp --dims 5 4 3 | vkt write - s.h5:/data --force
     /usr/bin/python3 -c '
 import h5py
-f = h5py.File("s.h5"); assert sorted(f) == ["data", "g", "y"] and list(f["y"]) == list(range(7)) and "second_x" in f["g"], list(f)'
+f = h5py.File("s.h5"); assert sorted(f) == ["data", "data_y", "g", "x", "y", "z"] and list(f["y"]) == list(range(7)) and "second_x" in f["g"], list(f)'
     # Axes that are turned, and times that nobody states, have names alone.
     for i in 1 2; do vkt make noise --dims 6 5 4 --seed $i; done | vkt set --direction 0,1,0,1,0,0,0,0,1 -o turned.h5
     /usr/bin/python3 -c '
@@ -507,6 +507,44 @@ for name, group, data in ("s.h5", None, "data"), ("g.h5", "g", "vol"):
     assert d.dims == tuple("ctzyx") and set(s.coords) == set("ctzyx") and d.values.tobytes() == want, s.sizes
     assert d.sel(c="c1", t=1.5, x=12, y=20, z=39).item() == numpy.frombuffer(want, "i2").reshape(3, 2, 4, 5, 6)[1, 1, 3, 0, 2]
     assert s.t.attrs["units"] == "s" and s.x.attrs["units"] == "mm"
+END
+}
+
+@test "xarray opens single volumes with their coordinates and units; datasets may be called as the scales of others are" {
+    vkt make noise --dims 6 5 4 --dtype int16 --seed 1 | vkt set --spacing 0.5,1,2 --origin 3,4,5 --attribute 'space units="mm" "mm" "mm"' --units HU -o v.h5
+    vkt write v.h5 v.raw 2>/dev/null
+    # Components that are named like axes: scales make room, and keep to their dataset.
+    for name in x y z; do vkt write v.h5 c.h5:/g/$name --force; done
+    for name in x y z; do vkt diff v.h5 c.h5:/g/$name --geometry; done
+    vkt make ramp --dims 6 5 4 | vkt set --direction 0,1,0,1,0,0,0,0,1 -o turned.h5
+    [ "$(vkt info v.h5 | grep -c 'not read')" -eq 0 ]
+    /usr/bin/python3 - <<'END'
+import h5py
+f = h5py.File("c.h5")["g"]
+assert sorted(f) == sorted(["x", "y", "z"] + [f"{d}_{a}" for d in "xyz" for a in "xyz"]), list(f)
+for name in "xyz":
+    for k, axis in enumerate("zyx"):
+        scale = f[name].dims[k][0]
+        assert scale.name == f"/g/{name}_{axis}" and scale.attrs["vkt_scale"] == f"/g/{name}".encode() and scale.attrs["units"] == b"mm", scale.name
+    assert list(f[name].dims[2][0]) == [3, 3.5, 4, 4.5, 5, 5.5] and list(f[name].dims[0][0]) == [5, 7, 9, 11]
+END
+    export PYTHONPATH="$VKT_BUILD/xarray:$VKT_BUILD/hdf5plugin"
+    /usr/bin/python3 -c 'import xarray, h5netcdf' 2>/dev/null || skip "no xarray: pip install --no-deps --target $VKT_BUILD/xarray h5netcdf xarray packaging pandas"
+    /usr/bin/python3 - <<'END'
+import sys, warnings
+warnings.simplefilter("ignore")
+for other in "dask", "dask.array", "scipy": sys.modules[other] = None # the system's, of another NumPy
+import numpy, xarray
+want = numpy.fromfile("v.raw", "i2").reshape(4, 5, 6)
+d = xarray.open_dataset("v.h5", engine="h5netcdf")["data"]
+assert d.dims == ("z", "y", "x") and set(d.coords) == set("zyx") and numpy.array_equal(d.values, want), d
+assert list(d.x.values) == [3, 3.5, 4, 4.5, 5, 5.5] and list(d.y.values) == [4, 5, 6, 7, 8] and list(d.z.values) == [5, 7, 9, 11]
+assert d.x.attrs["units"] == d.z.attrs["units"] == "mm" and d.attrs["units"] == "HU"
+assert d.sel(x=4, y=6, z=9).item() == want[2, 2, 2]
+c = xarray.open_dataset("c.h5", engine="h5netcdf", group="g")
+assert c["y"].dims == ("y_z", "y_y", "y_x") and numpy.array_equal(c["y"].values, want) and list(c["y_x"].values) == list(d.x.values)
+t = xarray.open_dataset("turned.h5", engine="h5netcdf")["data"]
+assert t.dims == ("z", "y", "x") and not t.coords, t
 END
 }
 
@@ -547,7 +585,7 @@ with h5py.File("k.h5", "w") as f:
     /usr/bin/python3 -c '
 import h5py
 f = h5py.File("k.h5")
-assert sorted(f) == ["g", "new", "old", "text"] and sorted(f["g"]) == ["one", "two"] and f["g"].attrs["note"] == "kept" and list(f["g/one"]) == list(range(8)) and f["text"][()] == b"words"'
+assert sorted(f) == ["g", "new", "old", "old_x", "old_y", "old_z", "text", "x", "y", "z"] and sorted(f["g"]) == ["one", "two", "x", "y", "z"] and f["g"].attrs["note"] == "kept" and list(f["g/one"]) == list(range(8)) and f["text"][()] == b"words"'
     # Read from the file that it is added to.
     vkt flip x k.h5:/new -o k.h5:/flipped --force
     vkt diff a.nrrd k.h5:/new
@@ -567,7 +605,7 @@ assert sorted(f) == ["g", "new", "old", "text"] and sorted(f["g"]) == ["one", "t
     [ "$(cat words.h5)" = words ]
     # Without a name the file is meant.
     vkt convert a.nrrd k.h5 --force
-    /usr/bin/python3 -c 'import h5py; assert list(h5py.File("k.h5")) == ["data"]'
+    /usr/bin/python3 -c 'import h5py; assert list(h5py.File("k.h5")) == ["data", "x", "y", "z"]'
     [ -z "$(find . -name '.*vkt-*')" ]
 }
 

@@ -380,7 +380,8 @@ END
     vkt render volume.nrrd --size 32 --tiles 1/2 -o one.png
     vkt render volume.nrrd --size 32 --tiles 2/2 -o two.png
     vkt filter median volume.nrrd -o median.nrrd
-    mkdir scratch && export TMPDIR=$PWD/scratch
+    mkdir scratch
+    export TMPDIR=$PWD/scratch
     python <<'END'
 import json, pathlib, subprocess
 told = []
@@ -422,7 +423,8 @@ refused(2, "there are two", vkt.command, "copy", volume, volume)
 END
     # Nothing is left behind, and who has no program hears of it.
     [ -z "$(ls scratch)" ]
-    mkdir alone && cp -r "$site/vkt" alone/
+    mkdir alone
+    cp -r "$site/vkt" alone/
     PATH=/nowhere PYTHONPATH=$PWD/alone LD_LIBRARY_PATH=$VKT_BUILD/libvkt /usr/bin/python3 -c '
 import vkt
 try: vkt.command("help")
@@ -431,7 +433,7 @@ else: raise AssertionError'
 }
 
 @test "view opens a window, and says so where there is no display" {
-    (unset DISPLAY WAYLAND_DISPLAY && python <<'END'
+    (unset DISPLAY WAYLAND_DISPLAY; python <<'END'
 try: vkt.view(volume)
 except vkt.Error as error: assert error.exit_code == 2 and ("no display" in str(error) or "without the viewer" in str(error)), error
 else: raise AssertionError

@@ -426,7 +426,9 @@ for name in sys.argv[1:]:
     if name.endswith((".exr", ".png")) and history(name) == history("rich.vkt"): got["the history"] = want["the history"]
     if options: got["the unit of lengths"] = False # Analyze says mm, whatever there was
     if not got["the frame"] or not got["the unit of lengths"]: # what their numbers mean nobody knows: as numbers
-        plain = items(info("rich.vkt") | {"attributes": {}})
+        rich = info("rich.vkt")
+        known = {"space": got["the frame"], "space units": got["the unit of lengths"]}
+        plain = items(rich | {"attributes": {k: v for k, v in rich["attributes"].items() if known.get(k)}})
     else: plain = want
     lost = {k for k in want if got[k] != (plain[k] if k in ("the place", "the directions") else want[k])}
     lines = write.stderr.splitlines()

@@ -23,7 +23,7 @@ inline constexpr char const *position_attribute = "sequence_position", *units_at
                             *channel_attribute = "channel";
 
 /// Writes one dataset [z, y, x], of a series with t, c or both before these, FILE:/GROUP/DATASET (/data), in chunks,
-/// --compress: shuffle and deflate. Attributes in
+/// --compress: shuffle and deflate; its dimensions have scales. Attributes in
 /// the order of its axes: spacing, origin, element_size_um; scale_factor, add_offset, units of NetCDF's conventions.
 std::unique_ptr<VolumeWriter> writer(std::string const& path, WriteOptions const& options);
 

@@ -1,5 +1,4 @@
-// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, legacy files, and lists of
-// images.
+// Fuzzes VTK's images: the XML's structure, arrays inline and appended, compressed or not, legacy files, lists of them.
 // SPDX-License-Identifier: MIT
 #include "tests/fuzz/volume_input.h"
 

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/hdf5/scales.h"
 
+#include "libvkt/formats/hdf5/attributes.h"
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdio>
@@ -12,7 +14,7 @@ namespace {
 /// As NetCDF marks dimensions that only have a name and an extent.
 std::string no_variable(hsize_t size) {
     char words[80];
-    std::snprintf(words, sizeof words, "This is a netCDF dimension but not a netCDF variable%10lld",
+    std::snprintf(words, sizeof words, "This is a netCDF dimension but not a netCDF variable.%10lld",
                   static_cast<long long>(size));
     return words;
 }
@@ -87,6 +89,14 @@ bool attach_scales(hid_t file, std::string const& dataset, std::vector<Scale> co
         space(H5Screate_simple(1, &n, nullptr), H5Sclose), type(H5Tvlen_create(H5T_STD_REF_OBJ), H5Tclose);
     Handle const attribute(H5Acreate2(set, scales_of, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
     return attribute && H5Awrite(attribute, type, lists.data()) >= 0;
+}
+
+bool give_way(hid_t file, std::string const& path) {
+    Handle const scale(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
+    std::string const dataset = scale ? words(scale, our_scale) : "";
+    if (dataset.empty()) return false;
+    std::string const other = dataset + "_" + path.substr(path.rfind('/') + 1);
+    return is_free(file, other) && H5Lmove(file, path.c_str(), file, other.c_str(), H5P_DEFAULT, H5P_DEFAULT) >= 0;
 }
 
 } // namespace vkt::hdf5

@@ -37,4 +37,8 @@ struct Scale {
 /// is taken, and none where this is taken too. False if the library cannot.
 bool attach_scales(hid_t file, std::string const& dataset, std::vector<Scale> const& scales);
 
+/// Of a scale that vkt made, the name is free for others: it is called DATASET_NAME from now on. False for anything
+/// else, and if that is taken.
+bool give_way(hid_t file, std::string const& path);
+
 } // namespace vkt::hdf5

@@ -176,7 +176,7 @@ bool Writer::copy_existing() {
     std::optional<Handle> copy = copy_of_existing(file_, header_.bytes() / (options_.compress ? 1032 : 1));
     if (!copy) return false;
     hdf5_.emplace(std::move(*copy));
-    if (is_taken(*hdf5_, dataset_, file_)) remove_named(*hdf5_, dataset_, file_.path());
+    if (is_taken(*hdf5_, dataset_, file_) && !give_way(*hdf5_, dataset_)) remove_named(*hdf5_, dataset_, file_.path());
     return true;
 }
 
@@ -386,7 +386,7 @@ void Writer::close() {
     Handle const groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
     H5Pset_create_intermediate_group(groups, 1);
     need(H5Olink(*data_, *hdf5_, dataset_.c_str(), groups, H5P_DEFAULT) >= 0, "the dataset");
-    if (series_.volumes() > 1) need(attach_scales(*hdf5_, dataset_, scales()), "scales of the dimensions");
+    need(attach_scales(*hdf5_, dataset_, scales()), "scales of the dimensions");
     bool good = data_->reset();
     good = space_->reset() && good;
     good = type_->reset() && good;
