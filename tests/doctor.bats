@@ -57,6 +57,14 @@ kept() { vkt doctor --calibrate >said; }
     grep -q 'all stages but render: about' plan
     vkt filter gaussian v.nrrd --sigma 1 --explain -o g.nrrd 2>plan
     grep -q 'about .* s on this machine' plan
+    vkt refine v.nrrd --tolerance 3 -n -o x.vkt 2>&1 | grep -q '^vkt refine:   time not predicted'
+    vkt refine v.nrrd --tolerance 3 -o tree.vkt
+    vkt stats tree.vkt -n 2>&1 | grep -q '^vkt stats:   time not predicted'
+    # Whatever the operation and its method, there is a time.
+    for stage in 'scan' 'clahe' 'histogram --bins 20' 'filter box --radius 5' 'rotate --angle 3 --method lanczos3' 'label' \
+        'filter median --radius 3' 'reorient zyx' 'stats --percentiles 1' 'threshold --otsu' 'project std' 'watershed'; do
+        vkt $stage v.nrrd -n 2>&1 | grep -q 'about .* s on this machine' || { echo "$stage: no time" >&2; false; }
+    done
     # Ten times the voxels take ten times as long.
     seconds() { sed -n 's/^vkt filter:   about \(.*\) s on.*/\1/p'; }
     vkt make noise --dims 200 30 40 --dtype uint16 --high 1000 | vkt filter gaussian --sigma 1 -n -o x.vkt 2>&1 | seconds >ten

@@ -26,6 +26,11 @@ peak() { echo $(($(peak_kib "$@") / 1024)); }
     done
 }
 
+@test "no operation holds more than its plan says" {
+    nice /usr/bin/python3 "$VKT_ROOT/tests/predicted_memory.py" 160 6 uint8 >held || { grep '\*$' held >&2; tail -n 1 held >&2; false; }
+    [ "$(grep -c 'said' held)" -gt 90 ]
+}
+
 @test "a picture of small integers holds its volume once" {
     vkt make noise --dims 16 16 16 --dtype uint8 -o small.nrrd
     vkt make noise --dims 512 512 256 --dtype uint8 -o large.nrrd # 64 MiB

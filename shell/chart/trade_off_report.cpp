@@ -126,7 +126,7 @@ std::string TradeOffReport::table(bool with_chart) const {
         draws ? ""
               : "; own_error: to the same method without\nrounding and truncation, which is what the bound is about",
         ".\nSeconds: medians of warm repeats in memory; reading and writing files is not in them.\n",
-        found.calibrated ? "Calibrated: predicted by what vkt doctor --calibrate measured of this machine.\n"
+        found.calibrated ? "Calibrated: by what vkt doctor --calibrate measured of this machine.\n"
         : draws          ? "Predicted: the plan's steps or paths at the speed of what was given, shared evenly by the\n"
                            "threads.\n"
                          : "Predicted: the plan's operations at the speed of what was given, shared evenly by the "

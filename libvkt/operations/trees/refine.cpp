@@ -153,13 +153,13 @@ void Refine::parameters(Parameters& p) {
              "with --metric transfer: the transfer function, a JSON file or the JSON itself");
     p.option(
         "block-size", block, "N",
-        "cells of a block along each axis, 1 to 64 (8); mixed (with --tolerance noise): 2 to 16; auto: the best of "
+        "cells of a block along each axis, 1 to 64 (8); mixed (the default to the noise): 2 to 16; auto: the best of "
         "4, 8, 16, mixed");
     p.option("levels", levels, "N", "most levels, 1 to 16");
     p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
     p.option(
         "dtype", dtype, "TYPE",
-        "of the cells: keep, or auto (with --tolerance noise): the smallest that a quarter of the tolerance allows");
+        "of the cells: keep, or auto (the default to the noise): the smallest that a quarter of the tolerance allows");
     p.option("background", background, "VALUE", "leave out blocks that stay within the tolerance of this value");
 }
 
