@@ -92,10 +92,11 @@ private:
     }
 
     void find(Tile const& tile, Found& found) const {
-        constexpr int side = tile_side + 2;
-        std::array<Shown, static_cast<std::size_t>(side) * side> around;
+        constexpr std::size_t side = tile_side + 2;
+        std::array<Shown, side * side> around;
         auto const at = [&](int x, int y) -> Shown& {
-            return around[static_cast<std::size_t>((y - tile.y0 + 1) * side + (x - tile.x0 + 1))];
+            int const row = y - tile.y0 + 1, column = x - tile.x0 + 1;
+            return around[static_cast<std::size_t>(row) * side + static_cast<std::size_t>(column)];
         };
         for (int y = tile.y0 - 1; y <= tile.y1; ++y)
             for (int x = tile.x0 - 1; x <= tile.x1; ++x) at(x, y) = shown(pixel(x, y));

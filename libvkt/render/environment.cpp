@@ -81,6 +81,7 @@ std::shared_ptr<Environment const> make_environment(int width, int height, std::
     e.column_ends.resize(columns * static_cast<std::size_t>(height));
     std::vector<double> rows(1, 0.0);
     std::vector<std::array<double, 6>> parts; // of each column
+    parts.reserve(columns);
     for (int u = 0; u < width; ++u)
         parts.push_back(along_row(2 * half_turn * (1.0 * u / width - 0.5), 2 * half_turn * ((u + 1.0) / width - 0.5)));
     for (int v = 0; v < height; ++v) {

@@ -41,11 +41,12 @@ IrradianceView irradiance_of(Environment const& environment, double degrees, flo
     view.on = true;
     for (std::size_t c = 0; c < 3; ++c) {
         auto const [all, x, y, z, xx, yy, zz, xy, xz, yz] = environment.moments_of(c, degrees);
+        Double3 const ways{x, y, z};
         double const strength = static_cast<double>(light[c]) / half_turn;
         view.mean[c] = static_cast<float>(strength * all / 4);
         view.constant[c] = static_cast<float>(strength * all * 3 / 32);
         Matrix3 const squares{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}};
-        auto const along = [&](int i) { return static_cast<float>(strength / 2 * dot(rows[i], Double3{x, y, z})); };
+        auto const along = [&](int i) { return static_cast<float>(strength / 2 * dot(rows[i], ways)); };
         auto const part = [&](int i, int j, double factor) {
             return static_cast<float>(factor * strength * 15 / 32 * dot(rows[i], squares * rows[j]));
         };
