@@ -26,7 +26,7 @@ public:
         for (std::size_t c = 0; c < 3; ++c) behind_[c] = static_cast<float>(levels.behind(c));
     }
 
-    void draw(int rays, Quality& quality) {
+    void draw(int rays, Image const* fine, Quality& quality) {
         // Rows beside a part are those of another one.
         int const first = drawing_.scene.frame.top, last = first + image_.height;
         if (first > 0) above_ = row(first - 1);
@@ -37,7 +37,10 @@ public:
         tiles(1, 0, [&](Tile const& tile, Found& found, Counters& counters) {
             for (std::uint8_t const place : found) {
                 int const x = tile.x0 + place % tile_side, y = tile.y0 + place / tile_side;
-                drawing_.draw(scene, {x, y, x + 1, y + 1}, image_.pixels.data(), counters);
+                if (fine != nullptr)
+                    std::copy_n(fine->at(x, y), 4, image_.pixels.begin() + (fine->at(x, y) - fine->pixels.data()));
+                else
+                    drawing_.draw(scene, {x, y, x + 1, y + 1}, image_.pixels.data(), counters);
             }
         });
         double count = 0;
@@ -121,8 +124,9 @@ private:
 
 } // namespace
 
-void smooth_edges(Drawing const& drawing, int rays, Image& image, Counters& total, Quality& quality) {
-    Edges(drawing, image, total).draw(rays, quality);
+void smooth_edges(Drawing const& drawing, int rays, Image const* fine, Image& image, Counters& total,
+                  Quality& quality) {
+    Edges(drawing, image, total).draw(rays, fine, quality);
 }
 
 } // namespace vkt::render

@@ -361,6 +361,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Quality quality;
     Savings savings;
     bool const sparsely = integrator == Integrator::march && !with_gpu && may_leave_out(settings, header_);
+    bool const smooth = smooths_edges(settings) && !labels;
+    std::optional<Image> fine; ///< with the rays of edges everywhere
     double gpu_seconds = 0;
     if (with_gpu) {
         std::lock_guard const lock(cache_->drawing);
@@ -390,6 +392,11 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             }
         }
         quality = draw_on_gpus(drawing, gpus, integrator, in_passes, image, counters, gpu_seconds);
+        if (smooth && !quality.stopped) { // all of it takes a GPU less than to be told which pixels
+            fine.emplace(image);
+            for (DrawingGpu& gpu : gpus) gpu.scene.rays = settings.edge_rays;
+            draw_on_gpus(drawing, gpus, integrator, false, *fine, counters, gpu_seconds);
+        }
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
@@ -398,8 +405,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         quality = draw_sparsely(drawing, settings.shortcut, image, counters, savings);
     else
         quality = draw_once(drawing, image, counters);
-    if (smooths_edges(settings) && !labels && !quality.stopped)
-        smooth_edges(drawing, settings.edge_rays, image, counters, quality);
+    if (smooth && !quality.stopped)
+        smooth_edges(drawing, settings.edge_rays, fine ? &*fine : nullptr, image, counters, quality);
     if (report != nullptr) {
         Drawn const drawn{integrator, in_passes, sparsely, with_gpu, scene.label_count, scene.before, counters};
         report->quality = quality;
