@@ -173,7 +173,7 @@ public:
         if (header().kind != Kind::structured) return std::nullopt;
         return view().part(region);
     }
-    BrickSequence take_bricks() override { return Volume(header(), std::move(contents_.bricks), own_voxels()); }
+    BrickSequence take_bricks() override { return Volume(header(), contents_.bricks, own_voxels()); }
     std::optional<Volume> take_whole() override { return Volume(header(), own_voxels()); }
     void finish() override {}
 

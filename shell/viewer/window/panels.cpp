@@ -251,10 +251,13 @@ void Panels::light_panel(View& view, Shown const& shown) {
     if (shown.asked.environment) {
         slider("turned by", look.environment_rotation, -180, 180, false, "%.0f degrees");
         slider("strength", look.environment_strength, 0.01, 100, true, "%.3g");
-    } else {
-        ImGui::TextDisabled("the same from everywhere; --environment lights it by a picture");
     }
-    if (scattered) return;
+    if (!scattered) surface_light(view, shown);
+    if (!shown.asked.environment) ImGui::TextDisabled("the same from everywhere; --environment lights it by a picture");
+}
+
+void Panels::surface_light(View& view, Shown const& shown) {
+    Look& look = view.look;
     slider("highlight", look.specular, 0, 1, false, "%.2f");
     bool occluded = look.ambient_occlusion > 0;
     if (ImGui::Checkbox("ambient occlusion", &occluded)) look.ambient_occlusion = occluded ? 16 : 0;

@@ -58,6 +58,8 @@ private:
     void clip_panel(View& view, Shown const& shown);
     void planes_panel(View& view, Shown const& shown);
     void light_panel(View& view, Shown const& shown);
+    /// Of what is drawn as a surface.
+    void surface_light(View& view, Shown const& shown);
     Wish picture_panel(View& view, Shown const& shown);
     void slice_views(Shown const& shown);
     void help_window(Shown const& shown);
