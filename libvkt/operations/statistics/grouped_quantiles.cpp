@@ -127,7 +127,7 @@ void GroupedQuantiles::add_row(T const* row, std::uint32_t const* groups, std::i
 /// What the pass found out about the targets of a group that lie in one of its classes.
 void GroupedQuantiles::resolve(Class const& of, Target* targets, std::int64_t* counters) {
     auto const bins = static_cast<std::size_t>(1) << step_;
-    auto* const kept = kept_.data() + of.at;
+    auto* const kept = of.keeps ? kept_.data() + of.at : nullptr;
     if (of.keeps) {
         std::sort(kept, kept + of.voxels);
     } else {
