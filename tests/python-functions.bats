@@ -1,5 +1,6 @@
 # Python: every operation as a function, with the signature, the help and the stubs that the registry gives it.
 load helper
+load display
 load python
 
 @test "every operation is a function with a signature, types and help of its own" {
@@ -439,28 +440,12 @@ except vkt.Error as error: assert error.exit_code == 2 and ("no display" in str(
 else: raise AssertionError
 END
     )
-    for what in Xvfb xdotool; do command -v $what >/dev/null || skip "$what is not installed"; done
-    (unset DISPLAY WAYLAND_DISPLAY && vkt view volume.nrrd) 2>&1 | grep -q 'without the viewer' && skip 'built without the viewer'
-    Xvfb -displayfd 7 -screen 0 400x300x24 -nolisten tcp -noreset 7>number >server.log 2>&1 3>&- &
-    server=$!
-    for _ in {1..100}; do [ -s number ] && break; sleep 0.1; done
-    [ -s number ] || skip "Xvfb does not start: $(tail -n 1 server.log)"
-    export DISPLAY=":$(cat number)"
+    starts_display vkt view volume.nrrd
     for call in 'vkt.view(volume, size="64x48")' 'assert vkt.view("volume.nrrd", size="64x48", wait=False).wait() == 0'; do
         echo "$call" | python 3>&- >log 2>&1 &
         command=$!
-        window=
-        for _ in {1..150}; do
-            window=$(xdotool search --name '^vkt ' 2>/dev/null | head -n 1)
-            [ -n "$window" ] && xdotool windowfocus "$window" 2>/dev/null && break
-            sleep 0.1
-        done
-        [ -n "$window" ] || { cat log >&2; false; }
+        finds_window
         xdotool key q
         wait "$command" || { cat log >&2; false; }
     done
-}
-
-teardown() {
-    [ -z "${server:-}" ] || { kill "$server" 2>/dev/null && wait "$server"; } || true
 }

@@ -1,5 +1,6 @@
 # vkt view: vkt render in a window, with its options; viewer.bats looks into the window.
 load helper
+load display
 
 setup_more() { vkt make noise --dims 9 7 5 --dtype uint8 -o v.nrrd; }
 
@@ -20,31 +21,13 @@ setup_more() { vkt make noise --dims 9 7 5 --dtype uint8 -o v.nrrd; }
 }
 
 @test "the window opens on a file and at the end of a pipeline, and q ends it with 0" {
-    local what
-    for what in Xvfb xdotool; do command -v $what >/dev/null || skip "$what is not installed"; done
-    (unset DISPLAY WAYLAND_DISPLAY && vkt view v.nrrd) 2>&1 | grep -q 'without the viewer' && skip 'built without the viewer'
-    Xvfb -displayfd 7 -screen 0 400x300x24 -nolisten tcp -noreset 7>number >server.log 2>&1 3>&- &
-    server=$!
-    for _ in {1..100}; do [ -s number ] && break; sleep 0.1; done
-    [ -s number ] || skip "Xvfb does not start: $(tail -n 1 server.log)"
-    export DISPLAY=":$(cat number)"
+    starts_display vkt view v.nrrd
     for line in 'vkt view v.nrrd --size 64x48' 'vkt flip x v.nrrd | vkt view --size 64x48'; do
         bash -o pipefail -c "$line" >out 2>log 3>&- &
         command=$!
-        window=
-        for _ in {1..150}; do
-            window=$(xdotool search --name '^vkt ' 2>/dev/null | head -n 1)
-            # It has a name before it can be typed at.
-            [ -n "$window" ] && xdotool windowfocus "$window" 2>/dev/null && break
-            sleep 0.1
-        done
-        [ -n "$window" ] || { cat log >&2; false; }
+        finds_window
         xdotool key q
         wait "$command"
         [ ! -s out ]
     done
-}
-
-teardown() {
-    [ -z "${server:-}" ] || { kill "$server" 2>/dev/null && wait "$server"; } || true
 }

@@ -1,5 +1,6 @@
 # vkt render in a window: needs a virtual display (Xvfb) and somebody who moves its mouse (xdotool).
 load helper
+load display
 
 volume=block_24x18x30_uint8.raw
 size=320x240
@@ -14,52 +15,14 @@ for z in range(4, 20):
 open('$volume', 'wb').write(v)"
 }
 
-teardown() {
-    for process in "${command:-}" "${server:-}"; do
-        [ -z "$process" ] || kill "$process" 2>/dev/null || true
-    done
-    # A server that ends takes its socket along: by then the next one must not have the same number.
-    [ -z "${server:-}" ] || wait "$server" || true
-}
-
 # on_terminal COMMAND: runs it with a terminal as standard output; what it says goes to the file log.
 # The shell is the same for everybody: script takes SHELL.
 on_terminal() { SHELL=/bin/sh script -qec "$1" /dev/null </dev/null >log 2>&1 3>&-; }
 
 # with_display: starts a display of our own, or skips with the reason.
 with_display() {
-    local what
-    for what in Xvfb xdotool script; do
-        command -v $what >/dev/null || skip "$what is not installed"
-    done
-    (unset DISPLAY WAYLAND_DISPLAY && on_terminal "vkt render $volume") || true
-    ! grep -q 'without the viewer' log || skip 'this vkt was built without the viewer'
-    # The server takes a number that is free and says which; its screen is a file that can be read. It must not start anew
-    # when its last client leaves: xdotool comes and goes, and a viewer that comes just then is turned away.
-    mkdir screen
-    Xvfb -displayfd 7 -screen 0 800x700x24 -nolisten tcp -noreset -fbdir screen 7>number >server.log 2>&1 3>&- &
-    server=$!
-    for _ in {1..100}; do
-        [ ! -s number ] || break
-        sleep 0.1
-    done
-    [ -s number ] || skip "Xvfb does not start: $(tail -n 1 server.log)"
-    export DISPLAY=":$(cat number)"
-    unset WAYLAND_DISPLAY
-}
-
-# finds_window [PATTERN]: waits for a window whose title holds the pattern and gives it the keyboard.
-finds_window() {
-    for _ in {1..150}; do
-        window=$(xdotool search --name "^vkt render: .*${1:-}" 2>/dev/null | head -n 1)
-        if [ -n "$window" ]; then
-            xdotool windowfocus "$window"
-            return
-        fi
-        sleep 0.1
-    done
-    echo "no window with '${1:-}' in its title; the command said: $(cat log)" >&2
-    return 1
+    command -v script >/dev/null || skip 'script is not installed'
+    starts_display vkt render --window "$volume"
 }
 
 # opens OPTION…: starts the viewer and waits for the full picture.

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"
+#include "sorted_percentile.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,15 +18,6 @@ namespace vkt {
 namespace {
 
 std::vector<double> const percents{50, 0, 0.1, 99.5, 100, 33};
-
-template <class T> double sorted_percentile(std::vector<T> values, double percent) {
-    std::sort(values.begin(), values.end());
-    double const position = percent / 100 * static_cast<double>(values.size() - 1);
-    auto const i = static_cast<std::size_t>(position);
-    if (i + 1 == values.size()) return static_cast<double>(values[i]);
-    auto const a = static_cast<double>(values[i]), b = static_cast<double>(values[i + 1]);
-    return a + (position - static_cast<double>(i)) * (b - a);
-}
 
 struct Voxels {
     std::vector<std::uint32_t> groups;

@@ -1,6 +1,7 @@
 // Percentiles against sorting.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/quantiles.h"
+#include "sorted_percentile.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,15 +13,6 @@
 
 namespace vkt {
 namespace {
-
-template <class T> double sorted_percentile(std::vector<T> values, double percent) {
-    std::sort(values.begin(), values.end());
-    double const position = percent / 100 * static_cast<double>(values.size() - 1);
-    auto const i = static_cast<std::size_t>(position);
-    if (i + 1 == values.size()) return static_cast<double>(values[i]);
-    auto const a = static_cast<double>(values[i]), b = static_cast<double>(values[i + 1]);
-    return a + (position - static_cast<double>(i)) * (b - a);
-}
 
 constexpr double percents[] = {0, 0.1, 1, 25, 37.5, 50, 75, 99, 99.9, 100};
 

@@ -1,5 +1,6 @@
 // Light and cuts: environments, shadows and ambient occlusion against closed forms, clip planes against clip boxes.
 // SPDX-License-Identifier: MIT
+#include "render_slab.h"
 #include "render_trees.h"
 
 #include "libvkt/render/environment.h"
@@ -15,42 +16,6 @@ using namespace vkt::render;
 using namespace vkt::render::testing;
 
 namespace {
-
-double mean_of_channel(Image const& image, std::size_t channel) {
-    double sum = 0;
-    for (std::size_t i = channel; i < image.pixels.size(); i += 4) sum += static_cast<double>(image.pixels[i]);
-    return sum / (static_cast<double>(image.width) * image.height);
-}
-
-/// A homogeneous slab across z, much wider than it is thick, of this optical thickness, seen from above.
-struct Slab {
-    Volume volume;
-    RenderSettings settings;
-
-    Slab(double depth, Algorithm algorithm)
-        : volume(constant_volume({1000, 1000, 10}, 1.0F, {1, 1, 1})), settings(orthographic("z", 8, 8)) {
-        settings.algorithm = algorithm;
-        settings.camera.zoom = 100;
-        settings.camera.fit = Fit::volume;
-        settings.transfer = flat_transfer({1, 1, 1}, -std::expm1(-depth / 10), 1);
-    }
-};
-
-/// What of a light from a direction whose cosine to the slab's upward normal is `cosine` is seen from above after one
-/// scattering into the eye's direction, of all that is: the integral of e^-t e^-s(t) over the depth t.
-double once_scattered(double depth, double cosine) {
-    if (cosine > 0) {
-        double const rate = 1 + 1 / cosine;
-        return -std::expm1(-depth * rate) / rate;
-    }
-    double const rate = 1 + 1 / cosine; // e^-t e^-(depth - t) / |cosine|
-    return std::abs(rate) < 1e-9 ? depth * std::exp(-depth) : (std::exp(depth / cosine) - std::exp(-depth)) / rate;
-}
-
-/// Henyey and Greenstein's phase function, per steradian.
-double phase_of(double g, double cosine) {
-    return (1 - g * g) / (4 * half_turn * std::pow(1 + g * g - 2 * g * cosine, 1.5));
-}
 
 /// One bright pixel.
 std::shared_ptr<Environment const> patch(int width, int height, int column, int row, float radiance) {
