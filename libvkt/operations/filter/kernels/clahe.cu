@@ -76,101 +76,141 @@ void map_all(ConstView in, AnyView out, ClaheField const& field, Buffer& curves,
 struct Span {
     std::int32_t brick, begin, count; ///< the first of the bricks; voxels from the output's first on
 };
-constexpr std::int32_t longest_span = 64;
+constexpr std::int32_t longest_row = 64, most_slices = 8;
 
-std::vector<Span> spans_along(AxisBlend const& axis, std::int64_t lower, std::int64_t n) {
+std::vector<Span> spans_along(AxisBlend const& axis, std::int64_t lower, std::int64_t n, std::int32_t longest) {
     std::vector<Span> spans;
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
         std::int32_t const brick = axis.at(static_cast<double>(lower + i)).first;
-        if (spans.empty() || spans.back().brick != brick || spans.back().count == longest_span)
+        if (spans.empty() || spans.back().brick != brick || spans.back().count == longest)
             spans.push_back({brick, i, 0});
         ++spans.back().count;
     }
     return spans;
 }
 
-/// The parts of slices that lie between the same bricks.
+/// Boxes of voxels that lie between the same eight bricks.
 template <class C> struct Tiles {
     driver::DeviceRows in, out;
     Index3 lower;
     IntensityWindow<C> window;
     AxisBlend x, y, z;
     C const* curves;
-    std::int32_t across, down; ///< bricks along x and y
-    Span const *columns, *rows;
+    std::int32_t across, down, deep; ///< bricks along x, y and z
+    Span const *columns, *rows, *layers;
     unsigned column_count, row_count;
 };
 
-/// A block a tile: the four curves around it are blended along z once, and lie side by side in shared memory.
+/// A point of four curves side by side: of the bricks at 00, 10, 01 and 11 along x and y.
+template <class C> using Four = driver::Pack<C, 4>;
+
+/// A block a tile. The curves around it lie in shared memory, and blended along z those of the slice at hand and of the
+/// next.
 template <class C>
 __global__ void __launch_bounds__(driver::block_threads)
     tiles_kernel(__grid_constant__ Tiles<C> const m, unsigned long long* totals) {
-    using Four = driver::Pack<C, 4>;
+    constexpr int threads = driver::block_threads, ahead = 4;
     extern __shared__ __align__(32) unsigned char memory[];
-    auto* const table = reinterpret_cast<Four*>(memory); // 00, 10, 01 and 11 along x and y, for every edge
-    __shared__ C along_x[longest_span], along_y[longest_span];
-    Span const column = m.columns[blockIdx.x % m.column_count], row = m.rows[blockIdx.x / m.column_count % m.row_count];
-    std::int64_t const z = blockIdx.x / m.column_count / m.row_count;
-    int const thread = static_cast<int>(threadIdx.x);
-    if (thread < column.count)
-        along_x[thread] = static_cast<C>(m.x.at(static_cast<double>(m.lower.x + column.begin + thread)).weight);
-    if (thread < row.count)
-        along_y[thread] = static_cast<C>(m.y.at(static_cast<double>(m.lower.y + row.begin + thread)).weight);
-    Between const between = m.z.at(static_cast<double>(m.lower.z + z));
-    int const points = m.window.bins + 1, right = column.brick + 1 < m.across ? 1 : 0,
-              above = row.brick + 1 < m.down ? 1 : 0;
-    auto const curve = [&](int i, int j, int k) {
-        return m.curves +
-               ((static_cast<std::int64_t>(k) * m.down + row.brick + j) * m.across + column.brick + i) * points;
+    __shared__ C along_x[longest_row], along_y[longest_row], along_z[most_slices];
+    Span const column = m.columns[blockIdx.x % m.column_count], row = m.rows[blockIdx.x / m.column_count % m.row_count],
+               layer = m.layers[blockIdx.x / m.column_count / m.row_count];
+    int const thread = static_cast<int>(threadIdx.x), points = m.window.bins + 1;
+    auto* const below = reinterpret_cast<Four<C>*>(memory);
+    Four<C>*const above = below + points, *const blended = above + points;
+    auto const weights = [&](AxisBlend const& axis, std::int64_t lower, Span const& span, C* to) {
+        if (thread < span.count)
+            to[thread] = static_cast<C>(axis.at(static_cast<double>(lower + span.begin + thread)).weight);
     };
-    C const wz = static_cast<C>(between.weight);
-    for (int p = thread; p < points; p += driver::block_threads) {
-        Four four;
-#pragma unroll
-        for (int c = 0; c < 4; ++c) {
-            int const i = (c & 1) * right, j = (c >> 1) * above;
-            four.v[c] = blend(curve(i, j, between.first)[p], curve(i, j, between.second)[p], wz);
-        }
-        table[p] = four;
+    weights(m.x, m.lower.x, column, along_x);
+    weights(m.y, m.lower.y, row, along_y);
+    weights(m.z, m.lower.z, layer, along_z);
+    // Beyond the outermost centres there is no second brick.
+    int const right = column.brick + 1 < m.across ? 1 : 0, back = row.brick + 1 < m.down ? 1 : 0,
+              up = layer.brick + 1 < m.deep ? 1 : 0;
+    C const* const curves =
+        m.curves + ((static_cast<std::int64_t>(layer.brick) * m.down + row.brick) * m.across + column.brick) * points;
+    std::int64_t const next_x = static_cast<std::int64_t>(right) * points,
+                       next_y = static_cast<std::int64_t>(back) * m.across * points,
+                       next_z = static_cast<std::int64_t>(up) * m.down * m.across * points;
+    for (int p = thread; p < points; p += threads) {
+        C const* const at = curves + p;
+        below[p] = {at[0], at[next_x], at[next_y], at[next_x + next_y]};
+        C const* const over = at + next_z;
+        above[p] = {over[0], over[next_x], over[next_y], over[next_x + next_y]};
     }
+    __syncthreads();
+    auto const blend_slice = [&](int k) {
+        C const weight = along_z[k];
+        for (int p = thread; p < points; p += threads) {
+            Four<C> const a = below[p], b = above[p];
+            Four<C>& to = blended[k % 2 * points + p];
+#pragma unroll
+            for (int c = 0; c < 4; ++c) to.v[c] = blend(a.v[c], b.v[c], weight);
+        }
+    };
+    blend_slice(0);
     __syncthreads();
     driver::LossCounts counts;
     int const log = 32 - __clz(column.count - 1), slots = row.count << log; // rows of a power of two of threads
     with_type(m.in.type, [&]<class T>(T) {
-        for (int slot = thread; slot < slots; slot += driver::block_threads) {
-            int const x = slot & ((1 << log) - 1), y = slot >> log;
-            if (x >= column.count) continue;
-            C const v = driver::as_compute<C>(*reinterpret_cast<T const*>(m.in.at(column.begin + x, row.begin + y, z)));
-            Place<C> const p = m.window.place(v);
-            Four const a = table[p.bin], b = table[p.bin + 1];
-            C const wy = along_y[y];
-            C const first = blend(blend(a.v[0], a.v[2], wy), blend(b.v[0], b.v[2], wy), p.rest),
-                    second = blend(blend(a.v[1], a.v[3], wy), blend(b.v[1], b.v[3], wy), p.rest),
-                    result = m.window.value(blend(first, second, along_x[x]), v);
-            counts.undefined += m.window.outside(v) ? 1 : 0;
-            counts.clipped += is_clipped<T>(result) ? 1 : 0;
-            *reinterpret_cast<T*>(m.out.at(column.begin + x, row.begin + y, z)) = round_to<T>(result);
+        for (int k = 0; k < layer.count; ++k) {
+            if (k + 1 < layer.count) blend_slice(k + 1);
+            Four<C> const* const table = blended + k % 2 * points;
+            for (int first = thread; first < slots; first += ahead * threads) {
+                T voxels[ahead];
+                int x[ahead], y[ahead];
+                bool valid[ahead];
+#pragma unroll
+                for (int i = 0; i < ahead; ++i) {
+                    int const slot = first + i * threads;
+                    x[i] = slot & ((1 << log) - 1), y[i] = slot >> log;
+                    valid[i] = slot < slots && x[i] < column.count;
+                    if (valid[i])
+                        voxels[i] = *reinterpret_cast<T const*>(
+                            m.in.at(column.begin + x[i], row.begin + y[i], layer.begin + k));
+                }
+#pragma unroll
+                for (int i = 0; i < ahead; ++i) {
+                    if (!valid[i]) continue;
+                    C const v = driver::as_compute<C>(voxels[i]);
+                    Place<C> const p = m.window.place(v);
+                    Four<C> const a = table[p.bin], b = table[p.bin + 1];
+                    C const wy = along_y[y[i]];
+                    C const left = blend(blend(a.v[0], a.v[2], wy), blend(b.v[0], b.v[2], wy), p.rest),
+                            other = blend(blend(a.v[1], a.v[3], wy), blend(b.v[1], b.v[3], wy), p.rest),
+                            result = m.window.value(blend(left, other, along_x[x[i]]), v);
+                    counts.undefined += m.window.outside(v) ? 1 : 0;
+                    counts.clipped += is_clipped<T>(result) ? 1 : 0;
+                    *reinterpret_cast<T*>(m.out.at(column.begin + x[i], row.begin + y[i], layer.begin + k)) =
+                        round_to<T>(result);
+                }
+            }
+            __syncthreads();
         }
     });
     driver::add_counts(counts, totals);
 }
 
-/// False where tables would have no room, or more points than their tile has voxels.
+/// False where the curves have no room, or more points than a slice of a tile has voxels.
 template <class C>
 bool map_tiles(ConstView in, AnyView out, ClaheField const& field, Buffer& curves, Losses& losses,
                Execution const& execution) {
     BrickGrid const& grid = field.grid;
     std::int64_t const points = field.bins + 1,
                        area = grid.box.dims().x / grid.bricks.x * (grid.box.dims().y / grid.bricks.y);
-    std::size_t const bytes = static_cast<std::size_t>(points) * sizeof(driver::Pack<C, 4>);
-    constexpr std::size_t room = 40 << 10;
+    std::size_t const bytes = 4 * static_cast<std::size_t>(points) * sizeof(Four<C>);
+    constexpr std::size_t room = 96 << 10;
     if (bytes > room || 2 * area < points) return false;
-    AxisBlend const x(grid, 0), y(grid, 1);
-    std::vector<Span> const columns = spans_along(x, out.box.lower.x, out.dims().x),
-                            rows = spans_along(y, out.box.lower.y, out.dims().y);
-    auto const blocks = static_cast<std::int64_t>(columns.size() * rows.size()) * out.dims().z;
+    AxisBlend const x(grid, 0), y(grid, 1), z(grid, 2);
+    std::vector<Span> const columns = spans_along(x, out.box.lower.x, out.dims().x, longest_row),
+                            rows = spans_along(y, out.box.lower.y, out.dims().y, longest_row),
+                            layers = spans_along(z, out.box.lower.z, out.dims().z, most_slices);
+    std::size_t const blocks = columns.size() * rows.size() * layers.size();
     if (blocks > 0x7fffffff) return false;
-    driver::DeviceList<Span> const column_list(columns), row_list(rows);
+    std::vector<Span> all = columns;
+    all.insert(all.end(), rows.begin(), rows.end());
+    all.insert(all.end(), layers.begin(), layers.end());
+    driver::DeviceList<Span> const spans(all);
     driver::DeviceLosses const counts;
     Tiles<C> const tiles{driver::device_rows(in, out.box),
                          driver::device_rows(ConstView(out), out.box),
@@ -178,14 +218,17 @@ bool map_tiles(ConstView in, AnyView out, ClaheField const& field, Buffer& curve
                          IntensityWindow<C>(field),
                          x,
                          y,
-                         AxisBlend(grid, 2),
+                         z,
                          reinterpret_cast<C const*>(curves.read(execution.space())),
                          static_cast<std::int32_t>(grid.bricks.x),
                          static_cast<std::int32_t>(grid.bricks.y),
-                         column_list.get(),
-                         row_list.get(),
+                         static_cast<std::int32_t>(grid.bricks.z),
+                         spans.get(),
+                         spans.get() + columns.size(),
+                         spans.get() + columns.size() + rows.size(),
                          static_cast<unsigned>(columns.size()),
                          static_cast<unsigned>(rows.size())};
+    cudaFuncSetAttribute(tiles_kernel<C>, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(room));
     tiles_kernel<C><<<static_cast<unsigned>(blocks), driver::block_threads, bytes>>>(tiles, counts.get());
     check_launch("clahe");
     counts.add_to(losses);

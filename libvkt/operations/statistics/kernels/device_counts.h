@@ -197,8 +197,8 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     auto const count = static_cast<unsigned>(slots);
     auto const equal = static_cast<unsigned long long>(grid.count()); // the weight of every voxel, if it is the same
     if (is_even(grid) && lane_bytes(slots) <= most_lane_bytes)
-        short_rows ? launch_count_lanes<T, small>(rows, items, slot_of, count, equal, counters)
-                   : launch_count_lanes<T, wide>(rows, items, slot_of, count, equal, counters);
+        short_rows ? launch_count_lanes<T, small, true>(rows, items, slot_of, count, equal, counters)
+                   : launch_count_lanes<T, wide, false>(rows, items, slot_of, count, equal, counters);
     else if (packed)
         launch_count<T, wide, true>(rows, items, cut, slot_of, count, 1, counters);
     else if (short_rows)

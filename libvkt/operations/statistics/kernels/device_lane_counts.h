@@ -9,8 +9,7 @@
 namespace vkt::VKT_BACKEND::driver {
 
 inline constexpr unsigned lane_threads = 128, lane_warps = lane_threads / 32;
-/// Voxels that a lane may count before its bytes are full, in whole segments.
-inline constexpr int lane_segments = 255 / static_cast<int>(count_segment / 32);
+inline constexpr int lane_limit = 255; ///< voxels that a lane may count before its bytes are full
 /// Of three blocks at least there is room in the shared memory of a multiprocessor.
 inline constexpr unsigned most_lane_bytes = 75 << 10;
 
@@ -56,8 +55,8 @@ concept HasTable = requires(SlotOf const& slot_of) {
     { slot_of.table() } -> std::same_as<float const*>;
 };
 
-/// Voxels all of the same weight.
-template <class T, int N, class SlotOf>
+/// Voxels all of the same weight. Short: rows may be of half a warp's voxels or less.
+template <class T, int N, bool Short, class SlotOf>
 __global__ void __launch_bounds__(lane_threads)
     count_lanes_kernel(DeviceRows in, CountItem const* items, __grid_constant__ SlotOf const slot_of, unsigned slots,
                        unsigned long long weight, unsigned long long* counters) {
@@ -83,35 +82,70 @@ __global__ void __launch_bounds__(lane_threads)
         auto const s = static_cast<unsigned>(slot);
         ++mine[(s & ~3u) * 32 + (s & 3u)];
     };
-    int counted = 0; // segments since the bytes were cleared
-    for (std::int64_t s = item.begin + warp; s < item.end; s += lane_warps) {
-        CountSegment const segment(in, item, s);
-        std::byte const* const from = segment.from;
-        int const n = segment.n;
+    auto const count_pack = [&](Words const& words) {
+        int slots_of_pack[N];
+#pragma unroll
+        for (int v = 0; v < N; ++v) slots_of_pack[v] = slot_at(voxel_of<T>(words, v));
+#pragma unroll
+        for (int v = 0; v < N; ++v) count(slots_of_pack[v]);
+    };
+    auto const load = [](std::byte const* from, int i) {
         bool const aligned = reinterpret_cast<std::uintptr_t>(from) % (N * sizeof(T)) == 0;
-        auto const load = [&](int i) {
-            return load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
-        };
-        constexpr int step = 32 * N, ahead = 4;
-        int i = static_cast<int>(lane) * N;
-        for (; i + step * (ahead - 1) + N <= n; i += step * ahead) {
-            Words loaded[ahead]; // wait for memory together
-#pragma unroll
-            for (int k = 0; k < ahead; ++k) loaded[k] = load(i + step * k);
-#pragma unroll
-            for (int k = 0; k < ahead; ++k) {
-                int slots_of_pack[N];
-#pragma unroll
-                for (int v = 0; v < N; ++v) slots_of_pack[v] = slot_at(voxel_of<T>(loaded[k], v));
-#pragma unroll
-                for (int v = 0; v < N; ++v) count(slots_of_pack[v]);
-            }
-        }
-        for (; i < n; i += step)
-            for (int k = i; k < i + N && k < n; ++k) count(slot_at(reinterpret_cast<T const*>(from)[k]));
-        if (++counted == lane_segments) {
+        return load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+    };
+    int counted = 0; // voxels of a lane since the bytes were cleared
+    auto const make_room = [&](int voxels) {
+        if (counted + voxels > lane_limit) {
             add_lanes(of_warp, rows, lane, totals);
             counted = 0;
+        }
+        counted += voxels;
+    };
+    constexpr int ahead = 4; // loads that wait for memory together
+    if (Short && item.nx <= 16 * N) {
+        // Rows of fewer packs than lanes: a warp has several at once.
+        int const log = 32 - __clz(static_cast<int>((item.nx + N - 1) / N) - 1), at_once = 32 >> log,
+                  i = static_cast<int>(lane & ((1U << log) - 1)) * N, step = static_cast<int>(lane_warps) * at_once;
+        for (std::int64_t s = item.begin + warp * at_once; s < item.end; s += ahead * step) {
+            make_room(ahead * N);
+            Words loaded[ahead];
+            std::byte const* from[ahead];
+            int left[ahead]; // voxels of the row from this lane's first on
+#pragma unroll
+            for (int k = 0; k < ahead; ++k) {
+                std::int64_t const row = s + k * step + (lane >> log);
+                CountSegment const segment(in, item, row < item.end ? row : s);
+                from[k] = segment.from;
+                left[k] = row < item.end ? segment.n - i : 0;
+                if (left[k] >= N) loaded[k] = load(from[k], i);
+            }
+#pragma unroll
+            for (int k = 0; k < ahead; ++k) {
+                if (left[k] >= N)
+                    count_pack(loaded[k]);
+                else
+                    for (int v = 0; v < left[k]; ++v) count(slot_at(reinterpret_cast<T const*>(from[k])[i + v]));
+            }
+        }
+    } else {
+        constexpr int step = 32 * N;
+        int const longest = static_cast<int>(item.nx < count_segment ? item.nx : count_segment),
+                  of_lane = (longest + step - 1) / step * N;
+        for (std::int64_t s = item.begin + warp; s < item.end; s += lane_warps) {
+            make_room(of_lane);
+            CountSegment const segment(in, item, s);
+            std::byte const* const from = segment.from;
+            int const n = segment.n;
+            int i = static_cast<int>(lane) * N;
+            for (; i + step * (ahead - 1) + N <= n; i += step * ahead) {
+                Words loaded[ahead];
+#pragma unroll
+                for (int k = 0; k < ahead; ++k) loaded[k] = load(from, i + step * k);
+#pragma unroll
+                for (int k = 0; k < ahead; ++k) count_pack(loaded[k]);
+            }
+            for (; i < n; i += step)
+                for (int k = i; k < i + N && k < n; ++k) count(slot_at(reinterpret_cast<T const*>(from)[k]));
         }
     }
     add_lanes(of_warp, rows, lane, totals);
@@ -120,13 +154,13 @@ __global__ void __launch_bounds__(lane_threads)
         if (totals[i] != 0) atomicAdd(counters + item.counters + i, totals[i] * weight);
 }
 
-template <class T, int N, class SlotOf>
+template <class T, int N, bool Short, class SlotOf>
 void launch_count_lanes(DeviceRows const& in, std::vector<CountItem> const& items, SlotOf const& slot_of,
                         unsigned slots, unsigned long long weight, unsigned long long* counters) {
     DeviceList<CountItem> const list(items);
     auto const bytes = static_cast<int>(lane_bytes(slots) + (HasTable<SlotOf> ? slots * sizeof(float) : 0));
-    cudaFuncSetAttribute(count_lanes_kernel<T, N, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
-    count_lanes_kernel<T, N, SlotOf>
+    cudaFuncSetAttribute(count_lanes_kernel<T, N, Short, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+    count_lanes_kernel<T, N, Short, SlotOf>
         <<<static_cast<unsigned>(items.size()), lane_threads, static_cast<unsigned>(bytes)>>>(in, list.get(), slot_of,
                                                                                               slots, weight, counters);
     check_launch("count");
