@@ -26,11 +26,12 @@ concept IsLong = requires {
     requires F::is_long;
 };
 
-/// A functor that takes the voxels of a pack together, so that what it does is chosen once for all of them:
-/// pack(in, out) with in[inputs][N]. False from it: they are to be taken one by one.
-template <class F, class C, int inputs, int N, class R>
-concept TakesPacks = (inputs > 0) && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], R (&out)[N]) {
-    { f.pack(in, out) } -> std::same_as<bool>;
+/// A functor that takes all voxels that a thread has in registers together, so that what it does is chosen once for
+/// them: pack(in, out) with in[inputs][N], if its takes_packs() is true, and may_be_undefined().
+template <class F, class C, int inputs, int N>
+concept TakesPacks = (inputs > 0) && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], C (&out)[N]) {
+    f.pack(in, out);
+    { f.takes_packs() } -> std::same_as<bool>;
 };
 
 /// There is one copy of a long functor in a kernel, not one for each of the thread's voxels.
@@ -54,20 +55,20 @@ template <class C, bool At, int inputs, class F>
 using ResultOf = decltype(evaluate<C, At>(std::declval<F const&>(), 0.0, 0.0, 0.0, std::declval<C const*>(),
                                           std::declval<LossCounts&>(), std::make_index_sequence<inputs>{}));
 
-/// Whether a functor says that voxel n of pack k has no result.
+/// Counts the voxels of valid packs of which a functor says that they have no result.
 template <class C, class F, int all, int K, int N, std::size_t... i>
-__device__ __forceinline__ bool undefined(F const& f, C const (&values)[all][K][N], int k, int n,
-                                          std::index_sequence<i...>) {
-    if constexpr (CountsUndefined<F, decltype(values[i][k][n])...>)
-        return f.undefined(values[i][k][n]...);
-    else
-        return false;
+__device__ __forceinline__ void count_undefined(F const& f, C const (&values)[all][K][N], bool const (&valid)[K],
+                                                LossCounts& counts, std::index_sequence<i...>) {
+#pragma unroll
+    for (int k = 0; k < K; ++k)
+#pragma unroll
+        for (int n = 0; n < N; ++n) counts.undefined += valid[k] && f.undefined(values[i][k][n]...) ? 1 : 0;
 }
 
 /// Packs that a thread has in registers at once: the switches over the types and the arithmetic of addresses are paid
 /// by many voxels.
-template <class C, int N, int inputs> constexpr int packs_at_once() {
-    int const voxels = (sizeof(C) == 4 ? 32 : sizeof(C) == 8 ? 16 : 8) / (inputs > 1 ? 2 : 1);
+template <class C, int N, int inputs, bool Together = false> constexpr int packs_at_once() {
+    int const voxels = (sizeof(C) == 4 ? 32 : sizeof(C) == 8 ? 16 : 8) / (inputs > 1 ? 2 : 1) / (Together ? 2 : 1);
     return std::clamp(voxels / N, 1, 4);
 }
 
@@ -83,13 +84,14 @@ __device__ __forceinline__ int head_of(std::byte const* to, int size_log, int N,
 template <int N> inline constexpr int most_rounds = N == 16 ? 1 : 4;
 
 /// The whole packs of rows: N consecutive voxels each, those of a thread the block's width apart, and so in each round.
-/// `aligned` are the inputs if their packs are where those of the output are.
-template <class C, int N, int inputs, bool At, class F>
+/// `aligned` are the inputs if their packs are where those of the output are; `Together` a functor takes all of a
+/// round.
+template <class C, int N, int inputs, bool At, bool Together, class F>
 __global__ void __launch_bounds__(block_threads, sizeof(C) == 4 ? 4 : 3)
     map_packs(Rows rows, int rounds, bool aligned, Index3 lower, DeviceRows out, Inputs<inputs> in,
               __grid_constant__ F const f, unsigned long long* totals) {
     using Result = ResultOf<C, At, inputs, F>;
-    constexpr int K = packs_at_once<C, N, inputs>();
+    constexpr int K = packs_at_once<C, N, inputs, Together>();
     constexpr auto all = std::make_index_sequence<inputs>{};
     std::int64_t const row =
         (static_cast<std::int64_t>(blockIdx.z) * gridDim.y + blockIdx.y) * blockDim.y + threadIdx.y;
@@ -118,30 +120,32 @@ __global__ void __launch_bounds__(block_threads, sizeof(C) == 4 ? 4 : 3)
                 load_packs(in.rows[i].type, aligned, in.rows[i].row_at(rows.rows, y, z) + x * in.rows[i].size, at,
                            values[i]);
             Result results[K][N];
+            if constexpr (Together) {
+                if (f.may_be_undefined()) count_undefined<C>(f, values, valid, counts, all);
+                C voxels[inputs][K * N];
+                Result made[K * N];
 #pragma unroll
-            for (int k = 0; k < K; ++k) {
-                auto const begin = static_cast<double>(lower.x + x + at[k]);
-                LossCounts own;
-                bool taken = false;
-                if constexpr (!At && TakesPacks<F, C, inputs, N, Result>) {
-                    C pack[inputs][N];
+                for (int n = 0; n < K * N; ++n)
 #pragma unroll
-                    for (int i = 0; i < inputs; ++i)
+                    for (int i = 0; i < inputs; ++i) voxels[i][n] = values[i][n / N][n % N];
+                f.pack(voxels, made);
 #pragma unroll
-                        for (int n = 0; n < N; ++n) pack[i][n] = values[i][k][n];
-                    taken = f.pack(pack, results[k]);
+                for (int n = 0; n < K * N; ++n) results[n / N][n % N] = made[n];
+            } else {
 #pragma unroll
-                    for (int n = 0; n < N && taken; ++n) own.undefined += undefined<C>(f, values, k, n, all) ? 1 : 0;
+                for (int k = 0; k < K; ++k) {
+                    auto const begin = static_cast<double>(lower.x + x + at[k]);
+                    LossCounts own;
+#pragma unroll
+                    for (int n = 0; n < N; ++n) {
+                        C voxel[inputs + 1];
+#pragma unroll
+                        for (int i = 0; i < inputs; ++i) voxel[i] = values[i][k][n];
+                        results[k][n] = evaluate<C, At>(f, begin + n, static_cast<double>(lower.y + y),
+                                                        static_cast<double>(lower.z + z), voxel, own, all);
+                    }
+                    counts.undefined += valid[k] ? own.undefined : 0;
                 }
-#pragma unroll
-                for (int n = 0; n < N && !taken; ++n) {
-                    C voxel[inputs + 1];
-#pragma unroll
-                    for (int i = 0; i < inputs; ++i) voxel[i] = values[i][k][n];
-                    results[k][n] = evaluate<C, At>(f, begin + n, static_cast<double>(lower.y + y),
-                                                    static_cast<double>(lower.z + z), voxel, own, all);
-                }
-                counts.undefined += valid[k] ? own.undefined : 0;
             }
             store_packs(out.type, to + x * out.size, at, valid, results, counts);
         }
@@ -186,6 +190,21 @@ inline bool same_packs(DeviceRows const& a, DeviceRows const& b, int N) {
 }
 
 // Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
+template <class C, int N, bool At, bool Together, int inputs, class F>
+void launch_rounds(Index3 dims, bool aligned, Index3 lower, DeviceRows to, Inputs<inputs> const& in, F const& f,
+                   unsigned long long* totals) {
+    constexpr int K = packs_at_once<C, N, inputs, Together>();
+    std::int64_t const packs = (dims.x + N - 1) / N;
+    int const rounds = static_cast<int>(std::clamp<std::int64_t>(packs / (block_threads * K), 1, most_rounds<N>));
+    Rows rows = rows_of(dims, packs, K * rounds);
+    std::int64_t const row_blocks = rows.grid.x / rows.blocks_per_row;
+    rows.grid.x = rows.blocks_per_row;
+    rows.grid.y = static_cast<unsigned>(std::min<std::int64_t>(row_blocks, 32768));
+    rows.grid.z = static_cast<unsigned>((row_blocks + rows.grid.y - 1) / rows.grid.y);
+    map_packs<C, N, inputs, At, Together, F>
+        <<<rows.grid, rows.block>>>(rows, rounds, aligned, lower, to, in, f, totals);
+}
+
 template <class C, int N, bool At, int inputs, class F>
 void launch_packs(Box const& box, AnyView out, Inputs<inputs> const& in, F const& f, unsigned long long* totals) {
     DeviceRows const to = device_rows(ConstView(out), out.box);
@@ -193,16 +212,12 @@ void launch_packs(Box const& box, AnyView out, Inputs<inputs> const& in, F const
     for (int i = 0; i < inputs; ++i) aligned = aligned && same_packs(in.rows[i], to, N);
     Index3 const dims = box.dims();
     if (dims.x >= N) {
-        constexpr int K = packs_at_once<C, N, inputs>();
-        std::int64_t const packs = (dims.x + N - 1) / N;
-        int const rounds = static_cast<int>(std::clamp<std::int64_t>(packs / (block_threads * K), 1, most_rounds<N>));
-        Rows rows = rows_of(dims, packs, K * rounds);
-        std::int64_t const row_blocks = rows.grid.x / rows.blocks_per_row;
-        rows.grid.x = rows.blocks_per_row;
-        rows.grid.y = static_cast<unsigned>(std::min<std::int64_t>(row_blocks, 32768));
-        rows.grid.z = static_cast<unsigned>((row_blocks + rows.grid.y - 1) / rows.grid.y);
-        map_packs<C, N, inputs, At, F>
-            <<<rows.grid, rows.block>>>(rows, rounds, aligned, out.box.lower, to, in, f, totals);
+        bool together = false;
+        if constexpr (!At && TakesPacks<F, C, inputs, N>) {
+            together = f.takes_packs();
+            if (together) launch_rounds<C, N, At, true>(dims, aligned, out.box.lower, to, in, f, totals);
+        }
+        if (!together) launch_rounds<C, N, At, false>(dims, aligned, out.box.lower, to, in, f, totals);
     }
     bool const whole = dims.x % N == 0 && reinterpret_cast<std::uintptr_t>(to.data) % (N * to.size) == 0 &&
                        (dims.y * dims.z == 1 || (to.row % (N * to.size) == 0 && to.slice % (N * to.size) == 0));

@@ -111,7 +111,7 @@ struct MappedWhole {
     VKT_HD bool undefined(Int128 v) const { return map.undefined(distance(v)); }
 };
 
-/// Finite extremes; C is double or Int128.
+/// Finite extremes; C is float, double or Int128.
 template <class C> struct Extremes {
     C low, high;
     bool any = false;
@@ -125,11 +125,11 @@ template <class C> struct Extremes {
         any = true;
     }
     void add_row(C const* values, std::int64_t n) {
-        if constexpr (std::is_same_v<C, double>) {
-            double least = std::numeric_limits<double>::infinity(), most = -least;
+        if constexpr (std::is_floating_point_v<C>) {
+            C least = std::numeric_limits<C>::infinity(), most = -least;
 #pragma omp simd reduction(min : least) reduction(max : most)
             for (std::int64_t i = 0; i < n; ++i) {
-                double const v = values[i];
+                C const v = values[i];
                 least = finite(v) && v < least ? v : least;
                 most = finite(v) && v > most ? v : most;
             }
@@ -255,8 +255,12 @@ void find_extremes(ConstView in, FiniteExtremes& found, Execution const& executi
         found = {static_cast<double>(extremes.low), static_cast<double>(extremes.high), extremes.low, extremes.high};
         return;
     }
-    auto const extremes = reduce<double>(execution, in, Extremes<double>{0, 0});
-    if (extremes.any) found = {extremes.low, extremes.high, 0, 0};
+    auto const find = [&]<class C>(C) {
+        auto const extremes = reduce<C>(execution, in, Extremes<C>{0, 0});
+        if (extremes.any) found = {static_cast<double>(extremes.low), static_cast<double>(extremes.high), 0, 0};
+    };
+    if (float_suffices(in.type)) return find(0.0F);
+    find(0.0);
 }
 
 void find_fit(ConstView in, TypeFit& found, Execution const& execution) {

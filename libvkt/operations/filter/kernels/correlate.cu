@@ -454,18 +454,23 @@ __global__ void __launch_bounds__(cube_x* cube_y)
         int const rows = n.y - y < cube_rows ? static_cast<int>(n.y - y) : cube_rows;
         std::byte const* from = in.at(x, y, z0 - 1);
         T voxels[cube_rows + 2][3]; // of the next slice: they are on their way while sums are made
+        auto const load_row = [&](int j, std::byte const* row) {
+#pragma unroll
+            for (int i = 0; i < 3; ++i) voxels[j][i] = reinterpret_cast<T const*>(row)[i - 1];
+        };
         auto const load = [&](std::byte const* at) {
-            std::byte const* row = at - in.row;
+            if (rows == cube_rows) {
 #pragma unroll
-            for (int j = 0; j < cube_rows + 2; ++j) {
+                for (int j = 0; j < cube_rows + 2; ++j) load_row(j, at + (j - 1) * in.row);
+            } else { // there are no more
 #pragma unroll
-                for (int i = 0; i < 3; ++i) voxels[j][i] = reinterpret_cast<T const*>(row)[i - 1];
-                if (j <= rows) row += in.row; // there are no more
+                for (int j = 0; j < cube_rows + 2; ++j) load_row(j, at + (j <= rows ? j - 1 : rows) * in.row);
             }
         };
         load(from);
         C above[cube_rows] = {}, middle[cube_rows] = {}; // sums for this slice and for the one before, so far
-        for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice) {
+        std::byte* to = out.at(x, y, z0 - 2);
+        for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice, to += out.slice) {
             C v[cube_rows + 2][3];
 #pragma unroll
             for (int j = 0; j < cube_rows + 2; ++j)
@@ -487,11 +492,10 @@ __global__ void __launch_bounds__(cube_x* cube_y)
                 if (z == z0 - 1 || z == z0 || r >= rows) continue;
                 if (Gaps && !(below - below == 0)) below = cube_at<C, T>(from - in.slice + r * in.row, in, cube);
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
-                std::byte* const to = out.at(x, y + r, z - 1);
                 if (std::is_same_v<T, C> && out.type == in.type)
-                    *reinterpret_cast<C*>(to) = sum;
+                    *reinterpret_cast<C*>(to + r * out.row) = sum;
                 else
-                    driver::store_value(out.type, to, sum, counts);
+                    driver::store_value(out.type, to + r * out.row, sum, counts);
             }
         }
     }

@@ -96,19 +96,32 @@ template <int Axis, class V, class C, bool Voxels> struct Thinned {
 constexpr int tile_width = 64, tile_height = 4, at_once = 4, made = tile_height * at_once;
 constexpr std::int64_t usual_tile = 48 << 10, largest_tile = 200 << 10; ///< bytes of shared memory
 
-/// Nested averages (see GaussianTaps) of four lines: pair(k, below, above) sets the values k before and after each
-/// line's middle.
-template <class C, class Pair>
-__device__ __forceinline__ void nested_averages(int radius, C const* shares, Pair const& pair, C (&sum)[at_once]) {
+/// Nested averages (see GaussianTaps) of four lines, from outside: after begin(k), pair(u, below, above) sets the
+/// values k - u before and after each line's middle. Some follow one begin(), so that their places are known from its.
+template <class C, class Begin, class Pair>
+__device__ __forceinline__ void nested_averages(int radius, C const* shares, Begin const& begin, Pair const& pair,
+                                                C (&sum)[at_once]) {
+    constexpr int together = 4;
     C below[at_once], above[at_once];
-    pair(radius, below, above);
+    begin(radius);
+    pair(0, below, above);
 #pragma unroll
     for (int j = 0; j < at_once; ++j) sum[j] = below[j] + above[j];
-    for (int k = radius - 1; k >= 0; --k) {
-        pair(k, below, above);
-        C const share = shares[k];
+    auto const next = [&](int k, int u) {
+        pair(u, below, above);
+        C const share = shares[k - u];
 #pragma unroll
         for (int j = 0; j < at_once; ++j) sum[j] = madd(share, below[j] + above[j] - sum[j], sum[j]);
+    };
+    int k = radius - 1;
+    for (; k >= together - 1; k -= together) {
+        begin(k);
+#pragma unroll
+        for (int u = 0; u < together; ++u) next(k, u);
+    }
+    for (; k >= 0; --k) {
+        begin(k);
+        next(k, 0);
     }
 #pragma unroll
     for (int j = 0; j < at_once; ++j) sum[j] *= C(0.5);
@@ -155,13 +168,20 @@ __global__ void __launch_bounds__(tile_width* tile_height)
     int const apart = tile_height * step * tile_width, count = static_cast<int>(end - first);
     // Values beyond the last one are made of what happens to be there, and not stored.
     C const* const middle = tile + (row * step + r) * tile_width + lane;
+    C const *low[at_once], *high[at_once];
     C sum[at_once];
     nested_averages(
         r, shares,
-        [&](int k, C(&below)[at_once], C(&above)[at_once]) {
-            C const *low = middle - k * tile_width, *high = middle + k * tile_width;
+        [&](int k) {
 #pragma unroll
-            for (int j = 0; j < at_once; ++j, low += apart, high += apart) below[j] = *low, above[j] = *high;
+            for (int j = 0; j < at_once; ++j) {
+                low[j] = middle + j * apart - k * tile_width;
+                high[j] = middle + j * apart + k * tile_width;
+            }
+        },
+        [&](int u, C(&below)[at_once], C(&above)[at_once]) {
+#pragma unroll
+            for (int j = 0; j < at_once; ++j) below[j] = low[j][u * tile_width], above[j] = high[j][-u * tile_width];
         },
         sum);
 #pragma unroll
@@ -214,7 +234,7 @@ __global__ void __launch_bounds__(tile_width* tile_height)
              high_phase = 2 * static_cast<unsigned>(r) - high * step;
     C sum[at_once];
     nested_averages(
-        r, shares,
+        r, shares, [](int) {},
         [&](int, C(&below)[at_once], C(&above)[at_once]) {
             C const *a = tile + low_phase * pitch + low + lane, *b = tile + high_phase * pitch + high + lane;
 #pragma unroll
@@ -321,13 +341,15 @@ template <int Axis, int Taps, class T, class C> struct RefinedColumns {
         (Axis == 1 ? at.y : at.z) = along<Axis>(to.lower);
         T* const line = to.at(at.x, at.y, at.z); // its first voxel
         std::int64_t const begin = along<Axis>(to.lower), size = along<Axis>(to.upper) - begin,
-                           along_line = to.template stride<Axis>();
+                           along_line = to.template stride<Axis>(), apart = step * along_line;
         for (std::int64_t p = 0; p < step; ++p) {
             auto const phase = spline.phase(p);
             std::int64_t voxel = node * step + p - begin;
+            T* result = line + voxel * along_line;
 #pragma unroll
-            for (int n = 0; n < at_once; ++n, voxel += step)
-                if (voxel >= 0 && voxel < size) line[voxel * along_line] = spline.at(nodes + n, phase);
+            for (int n = 0; n < at_once; ++n, voxel += step, result += apart)
+                if (static_cast<std::uint64_t>(voxel) < static_cast<std::uint64_t>(size)) // and not below 0
+                    *result = spline.at(nodes + n, phase);
         }
     }
 };

@@ -87,31 +87,69 @@ template <class T> __device__ double shift_of(DeviceBand<T> const& band, Lane co
     return 0;
 }
 
+/// What a band has on its way from global memory: pieces of 1 KiB, two of which are being copied while one is read.
+/// 64 bytes more, so that the two bands of a warp are read from different banks.
+struct Ring {
+    static constexpr int piece = 1024, pieces = 3, bytes = pieces * piece + 64;
+    std::byte* memory;
+
+    __device__ __forceinline__ static Ring of_band() {
+        __shared__ alignas(16) std::byte rings[block / lanes][bytes];
+        return {rings[threadIdx.x / lanes]};
+    }
+    __device__ __forceinline__ std::byte* slot(unsigned number) const { return memory + number % pieces * piece; }
+    /// Every call is one group of copies, also of nothing.
+    __device__ __forceinline__ void copy(std::byte const* from, unsigned number, unsigned count, int lane) const {
+        if (number < count) {
+            auto const to = static_cast<unsigned>(__cvta_generic_to_shared(slot(number))) + 16 * lane;
+#pragma unroll
+            for (int k = 0; k < piece; k += 16 * lanes)
+                asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(to + k),
+                             "l"(from + static_cast<std::int64_t>(number) * piece + 16 * lane + k));
+        }
+        asm volatile("cp.async.commit_group;" ::: "memory");
+    }
+    /// All but the last group of copies is there.
+    __device__ __forceinline__ static void wait(unsigned mask) {
+        asm volatile("cp.async.wait_group 1;" ::: "memory");
+        __syncwarp(mask);
+    }
+};
+
 /// Calls f(values) for the voxels of this lane, some at once: those of whole groups of 16 first, then tail(value) for
 /// the others.
 template <class T, class F, class Tail>
 __device__ void for_lane(DeviceBand<T> const& band, Lane const& lane, F const& f, Tail const& tail) {
-    constexpr int together = 8;
-    auto const load = [](T(&v)[together], T const* from) {
-#pragma unroll
-        for (int k = 0; k < together; ++k) v[k] = from[k * lanes];
-    };
+    constexpr int together = 8, in_piece = Ring::piece / static_cast<int>(sizeof(T)), each = in_piece / lanes;
     std::int64_t const whole = band.length / lanes * lanes;
+    Ring const ring = Ring::of_band();
     for (std::int64_t r = 0; r < band.rows; ++r) {
         T const* const row = band.voxels + r * band.pitch;
         std::int64_t i = lane.index;
-        constexpr int step = together * lanes;
-        // Those that come next are on their way while the ones before are added.
-        T next[together];
-        bool more = i + step - lanes < whole;
-        if (more) load(next, row + i);
-        while (more) {
+        if (reinterpret_cast<std::uintptr_t>(row) % 16 == 0) {
+            auto const* const from = reinterpret_cast<std::byte const*>(row);
+            auto const count = static_cast<unsigned>(whole / in_piece);
+            __syncwarp(lane.mask); // the ring has been read
+            ring.copy(from, 0, count, lane.index);
+            ring.copy(from, 1, count, lane.index);
+            for (unsigned number = 0; number < count; ++number) {
+                Ring::wait(lane.mask);
+                ring.copy(from, number + 2, count, lane.index);
+                T const* const piece = reinterpret_cast<T const*>(ring.slot(number)) + lane.index;
+#pragma unroll 2
+                for (int k = 0; k < each; k += together) {
+                    T v[together];
+#pragma unroll
+                    for (int j = 0; j < together; ++j) v[j] = piece[(k + j) * lanes];
+                    f(v);
+                }
+            }
+            i += static_cast<std::int64_t>(count) * in_piece;
+        }
+        for (; i + (together - 1) * lanes < whole; i += together * lanes) {
             T v[together];
 #pragma unroll
-            for (int k = 0; k < together; ++k) v[k] = next[k];
-            i += step;
-            more = i + step - lanes < whole;
-            if (more) load(next, row + i);
+            for (int k = 0; k < together; ++k) v[k] = row[i + k * lanes];
             f(v);
         }
         for (; i < whole; i += lanes) {
@@ -220,9 +258,9 @@ template <class T> struct Looks {
     unsigned nan = 0, above = 0, below = 0;
     T low = T(HUGE_VAL), high = T(-HUGE_VAL);
 
-    __device__ void at(T v) {
-        low = v < low ? v : low;
-        high = v > high ? v : high;
+    __device__ void at(T v) { // NaN is neither
+        low = fmin(v, low);
+        high = fmax(v, high);
     }
     __device__ void at_odd(T v) {
         nan += v != v ? 1 : 0;

@@ -74,33 +74,37 @@ template <class C> struct Operands {
     }
     VKT_HD C operator()(C v0, C v1, C v2) const { return evaluate(v0, v1, v2); }
 
-    /// The voxels of a pack, of operations whose code is short: chosen once for all of them.
-    template <int inputs, int N> VKT_HD bool pack(C const (&in)[inputs][N], C (&out)[N]) const {
-        if constexpr (std::is_floating_point_v<C>) {
-            if (!is_short(op)) return false;
-            C u[N], v[N], w[N];
-            for (int n = 0; n < N; ++n) {
-                u[n] = operand(in, first, a, n);
-                v[n] = operand(in, second, b, n);
-                w[n] = operand(in, third, c, n);
-            }
-            if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) {
-                for (int n = 0; n < N; ++n) out[n] = chosen(u[n], v[n], w[n]);
-                return true;
-            }
-            if (!map_a.identity)
-                for (int n = 0; n < N; ++n) u[n] = map_a.of(u[n]);
-            if (!map_b.identity)
-                for (int n = 0; n < N; ++n) v[n] = map_b.of(v[n]);
-            with_short_op(op, [&]<ArithmeticOp o>() {
-                for (int n = 0; n < N; ++n) out[n] = combined<o>(u[n], v[n]);
-            });
-            if (!result.identity)
-                for (int n = 0; n < N; ++n) out[n] = stored(out[n]);
-            return true;
-        } else {
-            return false;
+    /// Whether pack() may be called: operations whose code is short, of volumes in their usual places.
+    VKT_HD bool takes_packs() const {
+        if (!is_short(op) || !numbers_have_no_map()) return false;
+        bool const picks = op == ArithmeticOp::clamp || op == ArithmeticOp::where; // has a third operand
+        if (first < 1 && second < 1) return !picks || (first == 0 && second < 0 && third != 0 && third <= 1);
+        return first == 0 && second == 1 && (!picks || third < 0 || third == 2);
+    }
+    /// Many voxels at once: what is to be done is chosen once for all of them.
+    template <int inputs, int N>
+    VKT_HD void pack(C const (&in)[inputs][N], C (&out)[N]) const requires std::is_floating_point_v<C> {
+        C values[inputs][N];
+        for (int i = 0; i < inputs; ++i)
+            for (int n = 0; n < N; ++n) values[i][n] = in[i][n];
+        // One of two registers, or a number: no array is looked up by what is known only when it runs.
+        auto const u = [&](int n) { return inputs > 1 || first == 0 ? values[0][n] : a; };
+        auto const v = [&](int n) { return second == (inputs > 1 ? 1 : 0) ? values[inputs > 1 ? 1 : 0][n] : b; };
+        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) {
+            auto const w = [&](int n) { return inputs > 1 && third >= 0 ? values[inputs - 1][n] : c; };
+            for (int n = 0; n < N; ++n) out[n] = chosen(u(n), v(n), w(n));
+            return;
         }
+        Line<C> const map = first == 0 ? map_a : map_b;
+        if (!map.identity)
+            for (int n = 0; n < N; ++n) values[0][n] = map.of(values[0][n]);
+        if (inputs > 1 && !map_b.identity)
+            for (int n = 0; n < N; ++n) values[inputs > 1 ? 1 : 0][n] = map_b.of(values[inputs > 1 ? 1 : 0][n]);
+        with_short_op(op, [&]<ArithmeticOp o>() {
+            for (int n = 0; n < N; ++n) out[n] = combined<o>(u(n), v(n));
+        });
+        if (!result.identity)
+            for (int n = 0; n < N; ++n) out[n] = stored(out[n]);
     }
 
     VKT_HD bool undefined(C v0) const { return has_no_value(first == 0 ? v0 : a, second == 0 ? v0 : b); }
@@ -144,6 +148,11 @@ template <class C> struct Operands {
     }
 
 private:
+    /// Numbers are what they are, and a volume that is both operands has one map.
+    VKT_HD bool numbers_have_no_map() const {
+        return (first >= 0 || map_a.identity) && (second >= 0 || map_b.identity) &&
+               (first != second || (map_a.identity && map_b.identity));
+    }
     VKT_HD bool has_no_value(C u, C v) const {
         if (!counts_undefined) return false;
         C const p = map_a.of(u), q = map_b.of(v);
@@ -153,11 +162,6 @@ private:
             if (op == ArithmeticOp::pow)
                 return (p < C(0) && q - q == C(0) && q != std::floor(q)) || (p == C(0) && q < C(0));
         return counts_zeros && q == C(0);
-    }
-    template <int inputs, int N> static VKT_HD C operand(C const (&in)[inputs][N], int volume, C number, int n) {
-        C value = number;
-        for (int i = 0; i < inputs; ++i) value = volume == i ? in[i][n] : value;
-        return value;
     }
     template <class F> static std::int64_t count_row(std::int64_t n, C const* from, Line<C> const map, F const f) {
         std::int32_t count = 0;

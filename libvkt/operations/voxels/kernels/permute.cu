@@ -37,14 +37,26 @@ template <class U> __global__ void __launch_bounds__(tile_edge<U>* tile_rows) tu
     if (k >= t.other) return; // the whole block
     U const* const from = t.from + k * t.from_other;
     U* const to = t.to + k * t.to_other;
-    int const column = static_cast<int>(threadIdx.x);
-    for (int r = static_cast<int>(threadIdx.y); r < edge; r += tile_rows)
-        if (i0 + r < t.nx && j0 + column < t.own) {
-            std::int64_t const j = j0 + column;
-            tile[r][column] = from[(i0 + r) * t.from_x + (t.back ? -j : j)];
-        }
+    int const column = static_cast<int>(threadIdx.x), row = static_cast<int>(threadIdx.y);
+    std::int64_t const j = t.back ? -(j0 + column) : j0 + column;
+    if (i0 + edge <= t.nx && j0 + edge <= t.own) { // the whole block
+        constexpr int rounds = edge / tile_rows;
+        U const* in = from + (i0 + row) * t.from_x + j;
+        U voxels[rounds];
+#pragma unroll
+        for (int n = 0; n < rounds; ++n, in += tile_rows * t.from_x) voxels[n] = *in;
+#pragma unroll
+        for (int n = 0; n < rounds; ++n) tile[row + n * tile_rows][column] = voxels[n];
+        __syncthreads();
+        U* out = to + (j0 + row) * t.to_own + i0 + column;
+#pragma unroll
+        for (int n = 0; n < rounds; ++n, out += tile_rows * t.to_own) *out = tile[column][row + n * tile_rows];
+        return;
+    }
+    for (int r = row; r < edge; r += tile_rows)
+        if (i0 + r < t.nx && j0 + column < t.own) tile[r][column] = from[(i0 + r) * t.from_x + j];
     __syncthreads();
-    for (int r = static_cast<int>(threadIdx.y); r < edge; r += tile_rows)
+    for (int r = row; r < edge; r += tile_rows)
         if (j0 + r < t.own && i0 + column < t.nx) to[(j0 + r) * t.to_own + i0 + column] = tile[column][r];
 }
 
