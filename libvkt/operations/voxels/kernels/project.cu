@@ -141,6 +141,17 @@ template <class T> struct Spread {
         squares += d * (v - mean);
         ++count;
     }
+    /// Many at once, none of which is NaN: there is nothing to ask of each.
+    template <class C> __device__ void add_numbers(C const (&v)[together], Added const& added) {
+        double const* const share = added.share + count;
+#pragma unroll
+        for (int i = 0; i < together; ++i) {
+            double const wide = static_cast<double>(v[i]), d = wide - mean;
+            mean += d * __ldg(share + i);
+            squares += d * (wide - mean);
+        }
+        count += together;
+    }
     __device__ void rescale(double to) {
         double const factor = to / scale;
         mean *= factor;
@@ -191,6 +202,16 @@ __device__ void add_line(S& sum, T const* first, std::int64_t step, std::int64_t
         T v[together];
 #pragma unroll
         for (int i = 0; i < together; ++i) v[i] = first[(k + i) * step];
+        if constexpr (requires { sum.add_numbers(v, added); } && sizeof(T) <= 4) {
+            float odd = 0; // NaN if one of them is not finite
+            if constexpr (!std::is_integral_v<T>)
+#pragma unroll
+                for (int i = 0; i < together; ++i) odd = fmaf(static_cast<float>(v[i]), 0.0F, odd);
+            if (odd == 0) {
+                sum.add_numbers(v, added);
+                continue;
+            }
+        }
 #pragma unroll
         for (int i = 0; i < together; ++i) sum.add(v[i], added);
     }
