@@ -1,7 +1,6 @@
 // Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them:
 // parity [all|--no-comparing|--no-timing [WORD...]], only what has one of the words in its name.
 // SPDX-License-Identifier: MIT
-#include "libvkt/core/buffer.h"
 #include "libvkt/core/device.h"
 #include "libvkt/core/half.h"
 #include "libvkt/core/text.h"
@@ -20,7 +19,6 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <random>
 
 namespace {
 
