@@ -255,6 +255,10 @@ __global__ void __launch_bounds__(block) singles_kernel(unsigned* parent, std::i
 struct Word {
     unsigned bits;
     bool left, right; ///< the neighbours of its first and last bit
+
+    /// Of each bit the one to its left, or right.
+    __device__ unsigned lefts() const { return bits << 1 | (left ? 1u : 0u); }
+    __device__ unsigned rights() const { return bits >> 1 | (right ? 1u << 31 : 0u); }
 };
 
 /// The bits below, or up to, bit b.
@@ -273,8 +277,10 @@ struct Joiner {
     }
 
     /// Joins runs through `own` and `other`, rows of bits that face each other; that of the other belongs to the row of
-    /// runs y, z. They may touch diagonally. What `joined` has a bit for is joined already.
-    __device__ void join(Word own, Word other, std::int64_t y, std::int64_t z, bool diagonally, unsigned joined) const {
+    /// runs y, z. They may touch diagonally. What `joined` has a bit for is joined already, and so are bits of their
+    /// own with those to the left, or right, of them in the other where `aside` has a bit there.
+    __device__ void join(Word own, Word other, std::int64_t y, std::int64_t z, bool diagonally, unsigned joined,
+                         Word aside = {}) const {
         if (own.bits == 0) return;
         if (other.bits == 0 && !(diagonally && (other.left || other.right))) return;
         unsigned const both = own.bits & other.bits;
@@ -288,16 +294,12 @@ struct Joiner {
         }
         if (!diagonally) return;
         // Where nothing overlaps: a run that begins where the other has ended, and the other way round.
-        unsigned const own_left = own.bits << 1 | (own.left ? 1u : 0u),
-                       own_right = own.bits >> 1 | (own.right ? 1u << 31 : 0u),
-                       other_left = other.bits << 1 | (other.left ? 1u : 0u),
-                       other_right = other.bits >> 1 | (other.right ? 1u << 31 : 0u);
         unsigned const free = own.bits & ~other.bits;
-        for (unsigned e = free & ~own_left & other_left; e != 0; e &= e - 1) {
+        for (unsigned e = free & ~own.lefts() & other.lefts() & ~aside.lefts(); e != 0; e &= e - 1) {
             int const b = __ffs(static_cast<int>(e)) - 1;
             unite(parent, mine(b), runs + static_cast<unsigned>(__popc(others & below(b))) - 1);
         }
-        for (unsigned e = free & ~own_right & other_right; e != 0; e &= e - 1) {
+        for (unsigned e = free & ~own.rights() & other.rights() & ~aside.rights(); e != 0; e &= e - 1) {
             int const b = __ffs(static_cast<int>(e)) - 1;
             unsigned run = runs + static_cast<unsigned>(__popc(others & up_to(b < 31 ? b + 1 : b))) - 1;
             if (b == 31) run += rows.starts(y, z, place.w + 1) & 1u;
@@ -326,11 +328,14 @@ __global__ void __launch_bounds__(block)
         bool const edges = connectivity >= 18;
         Word const own = one(p.y, p.z), above = one(p.y - 1, p.z), below = one(p.y, p.z - 1);
         if (links == Links::above) joiner.join(own, above, p.y - 1, p.z, edges, 0);
-        // Around four rows that all have a voxel there is a way without this one.
+        // Around four rows that all have a voxel there is a way without this one. To a voxel beside that below there is
+        // one by way of the voxel beside that above: they are joined with each other across. So there is one to the
+        // voxel across from here, by way of the same.
         if (links == Links::before)
-            joiner.join(own, below, p.y, p.z - 1, edges, above.bits & rows.row(p.y - 1, p.z - 1, p.w));
+            joiner.join(own, below, p.y, p.z - 1, edges, above.bits & rows.row(p.y - 1, p.z - 1, p.w), above);
         if (links != Links::across) return;
-        joiner.join(own, one(p.y - 1, p.z - 1), p.y - 1, p.z - 1, false, above.bits | below.bits);
+        joiner.join(own, one(p.y - 1, p.z - 1), p.y - 1, p.z - 1, false,
+                    above.bits | below.bits | above.lefts() | above.rights());
         joiner.join(own, one(p.y + 1, p.z - 1), p.y + 1, p.z - 1, false, below.bits | rows.row(p.y + 1, p.z, p.w));
         return;
     }
