@@ -27,7 +27,7 @@ Needs needs(Projection kind, DataType type, std::int64_t n) {
     else
         result.value = result.count = true;
     result.extra = kind == Projection::std || (result.value && type == DataType::float64);
-    result.scale = kind == Projection::std && type == DataType::float64;
+    result.scale = result.value && type == DataType::float64;
     return result;
 }
 
