@@ -7,7 +7,6 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
-#include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/voxels/kernels/projected_lines.h"
 
 #include <algorithm>
@@ -18,22 +17,6 @@ namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// to[j * pixels + i] = from[i * row + j] for i < pixels, j < n; `pixels` is a multiple of every block's edge.
-template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixels, std::int64_t n, T* to) {
-    for_each_size(sizeof(T), [&]<class U>(U) {
-        if constexpr (sizeof(U) == sizeof(T)) {
-            constexpr std::int64_t edge = block_edge<U>;
-            std::int64_t const whole = n / edge * edge;
-            for (std::int64_t i = 0; i < pixels; i += edge)
-                for (std::int64_t j = 0; j < whole; j += edge)
-                    transpose_block(reinterpret_cast<U const*>(from + i * row + j), row,
-                                    reinterpret_cast<U*>(to + j * pixels + i), pixels);
-            for (std::int64_t j = whole; j < n; ++j)
-                for (std::int64_t i = 0; i < pixels; ++i) to[j * pixels + i] = from[i * row + j];
-        }
-    });
-}
 
 /// Pixels side by side that are worked on at a time: what is read of a row or a slice is long enough to be foreseen,
 /// and of lines along z, whose next voxels are slices apart, much longer: 2048 floats took twice as long as 16384.
