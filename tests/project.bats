@@ -181,7 +181,7 @@ for name in "uint8 int16 float16 float32 float64".split():
 EOF
     for type in uint8 int16 float16 float32 float64; do
         for axis in x y z; do
-            for what in max min mean sum std; do
+            for what in max min mean sum std median; do
                 project $what $axis w_149x87x21_$type.raw >$what.raw
                 for set in baseline avx2; do
                     VKT_INSTRUCTION_SET=$set project $what $axis w_149x87x21_$type.raw --threads 3 --slab 5 |

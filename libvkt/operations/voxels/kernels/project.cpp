@@ -193,21 +193,24 @@ template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Be
     constexpr std::int64_t lanes = lane_count<A>, together = 4 * lanes;
     A result = row[0];
     std::int64_t k = 0;
-    Lanes<A> odd{};
     if (n >= together) {
-        Lanes<A> most[4];
+        Lanes<A> most[4], odd[4] = {};
 #pragma GCC unroll 4
         for (int r = 0; r < 4; ++r) most[r] = load_lanes(row + r * lanes);
         for (; k + together <= n; k += together)
 #pragma GCC unroll 4
             for (int r = 0; r < 4; ++r) {
+                __builtin_prefetch(row + k + 1024 + r * lanes);
                 Lanes<A> const v = load_lanes(row + k + r * lanes);
                 most[r] = best.picks(most[r], v) ? v : most[r];
-                if constexpr (std::is_floating_point_v<A>) odd += v - v; // NOLINT(misc-redundant-expression): as above
+                if constexpr (std::is_floating_point_v<A>) odd[r] += v - v; // NOLINT(misc-redundant-expression)
             }
-        for (int r = 1; r < 4; ++r) most[0] = best.picks(most[0], most[r]) ? most[r] : most[0];
+        for (int r = 1; r < 4; ++r) {
+            most[0] = best.picks(most[0], most[r]) ? most[r] : most[0];
+            odd[0] += odd[r];
+        }
         result = folded_lanes<A>(most[0], best);
-        numbers = numbers && folded_lanes<A>(odd, Plus{}) == A(0);
+        numbers = numbers && folded_lanes<A>(odd[0], Plus{}) == A(0);
     }
     for (; k < n; ++k) {
         result = best(result, row[k]);
@@ -621,7 +624,7 @@ void add_numbers(T const* from, std::int64_t step, Deviations const& to, double 
         if constexpr (ahead)
             for (std::size_t byte = 0; byte < rows * lanes * sizeof(T); byte += 64)
                 __builtin_prefetch(reinterpret_cast<std::byte const*>(from + rows * (step + i)) + byte);
-#pragma GCC unroll 4
+#pragma GCC unroll 8
         for (int r = 0; r < rows; ++r) add(load_doubles(from + r * step + i), share[r], m, q);
         store_lanes(to.mean + i, m);
         store_lanes(to.squares + i, q);
@@ -683,6 +686,8 @@ template <class T> std::int64_t add_lines(Lines<T> const& lines, Deviations cons
         std::copy_n(to.mean, to.pixels, mean);
         std::copy_n(to.squares, to.pixels, squares);
         std::int64_t k = 0;
+        for (; are_apart(lines) && k + 8 <= lines.n; k += 8)
+            add_numbers<8>(lines.first + k * lines.step, lines.step, to, count + static_cast<double>(k));
         for (; k + 4 <= lines.n; k += 4) {
             T const* const rows = lines.first + k * lines.step;
             if (are_apart(lines))
