@@ -92,3 +92,10 @@ assert np.array_equal(got, maximum_filter(bad, (3, 5, 3)))"
     grep -q 'float64' plan
     grep -q 'error at most 6e-08 of the largest magnitude' plan
 }
+
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    same_at_the_top vkt filter box --radius 1
+    same_at_the_top vkt filter box --radius 2,5,1
+    vkt make constant --dims 9 9 9 --dtype float64 --value 1.7976931348623157e308 -o most.vkt
+    vkt filter box most.vkt | vkt stats - | grep -qx 'inf  *0'
+}

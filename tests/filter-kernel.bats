@@ -279,6 +279,16 @@ for name in 'gaps', 'cube3', 'cube5':
     same_however_run dtype=uint32 vkt filter kernel product.txt
 }
 
+@test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
+    setup_more
+    local kernel
+    for kernel in cube3 cube5 gaps long product two; do same_at_the_top vkt filter kernel $kernel.txt --method direct; done
+    for kernel in product two; do same_at_the_top vkt filter kernel $kernel.txt --method separable; done
+    # Sums of transforms are rounded otherwise; what they have no room for is summed up directly.
+    vkt filter kernel large.txt --method fft large_19x18x17_float64.raw | vkt write - --format raw >fft.raw
+    vkt filter kernel large.txt --method direct large_19x18x17_float64.raw | vkt write - --format raw | cmp - fft.raw
+}
+
 @test "what is no kernel is refused, and said" {
     echo '2 3 3' >even.txt
     fails_with 3 'not odd' vkt filter kernel even.txt v_13x11x7_uint8.raw -o o.vkt

@@ -181,7 +181,7 @@ for name in "uint8 int16 float16 float32 float64".split():
 EOF
     for type in uint8 int16 float16 float32 float64; do
         for axis in x y z; do
-            for what in max min mean sum std; do
+            for what in max min mean sum std median; do
                 project $what $axis w_149x87x21_$type.raw >$what.raw
                 for set in baseline avx2; do
                     VKT_INSTRUCTION_SET=$set project $what $axis w_149x87x21_$type.raw --threads 3 --slab 5 |
@@ -352,5 +352,39 @@ for name in "one", "top", "high", "low", "mixed", "rising", "falling", "same":
 for name, k in ("top", 1021), ("high", 997), ("low", -997):
     assert np.array_equal(read(name), np.ldexp(read("one"), k)), (name, axis)
 EOF
+    done
+}
+
+@test "mean and sum of float64 near the largest numbers are those of smaller ones, to the bit, whatever the slabs" {
+    /usr/bin/python3 - <<'EOF'
+import numpy as np
+v = np.random.default_rng(8).uniform(-3.9, 3.9, (19, 23, 29))
+v = np.where(np.indices(v.shape).sum(0) % 8 < 4, 1, -1) * np.abs(v) # sums that overflow, and come back
+v[3:9, 3:9, 3:9] = 3.9
+v[12, 12, 12], v[12, 3, 15], v[2, 3, 15], v[14, 15, 16] = np.inf, -np.inf, np.inf, np.nan
+for name, by in ("small", 0), ("large", 1022):
+    np.ldexp(v, by).tofile(name + "_29x23x19_float64.raw")
+np.full((5, 6, 7), np.finfo(float).max).tofile("most_7x6x5_float64.raw")
+EOF
+    for axis in x y z; do
+        for what in mean sum; do
+            project $what $axis small_29x23x19_float64.raw >small.raw
+            for slab in 1 4 19; do
+                vkt read large_29x23x19_float64.raw --slab $slab | project $what $axis - --slab $slab --threads 3 >large.raw
+                /usr/bin/python3 - $what $axis <<'EOF'
+import sys
+import numpy as np
+small, large = (np.fromfile(name + ".raw") for name in ("small", "large"))
+with np.errstate(over="ignore"):
+    want = np.ldexp(small, 1022)
+assert np.isfinite(want).sum() > (50 if sys.argv[1] == "sum" else 200), sys.argv
+assert np.array_equal(want, large, equal_nan=True), (sys.argv, (want != large).sum())
+EOF
+            done
+        done
+        project mean $axis most_7x6x5_float64.raw >most.raw
+        /usr/bin/python3 -c "
+import numpy as np
+assert np.all(np.fromfile('most.raw') / np.finfo(float).max >= 1 - 2**-52) and np.isfinite(np.fromfile('most.raw')).all()"
     done
 }

@@ -64,6 +64,11 @@ weights() { awk -v n="$1" -v gap="$2" 'BEGIN { for (i = 0; i < n; ++i) print (ga
 { echo 3 3 3; weights 27 1; } >cross.txt
 { echo 25 3 1; weights 75 0; } >long.txt
 { echo 5 5 5; weights 125 0; } >five.txt
+# Sums of many voxels that results have no room for on the way.
+heavy() { awk -v n="$1" -v gap="$2" 'BEGIN { for (i = 0; i < n; ++i) print (gap && i % 4 == 1) ? 0 : i % 5 < 3 ? 0.9 : -1.2 - i % 2 / 8 }'; }
+{ echo 3 3 3; heavy 27 0; } >heavy.txt
+{ echo 3 3 3; heavy 27 1; } >heavy_gaps.txt
+{ echo 15 5 1; heavy 75 0; } >heavy_long.txt
 for type in uint8 uint16 int16 float32 float64; do
     "$vkt" make noise --dims 130 67 41 --dtype $type --seed 3 -o in_$type.nrrd
     case $type in float*) tolerance=1e-6 ;; *) tolerance=0 ;; esac
@@ -109,6 +114,15 @@ for type in uint8 uint16 int16 float32 float64; do
         "$vkt" arith mul in_$type.nrrd "$down" -o tiny_$type.nrrd
         for command in sobel gradient laplacian 'log --sigma 1.5' 'dog --sigma 1' 'sharpen --sigma 1'; do
             same 1e-5 "$vkt filter $command huge_$type.nrrd -q | $vkt arith mul - $down -q"
+        done
+        most=$(awk -v type=$type 'BEGIN { printf "%.17g", 2 ^ (type == "float32" ? 127 : 1023) }')
+        least=$(awk -v type=$type 'BEGIN { printf "%.17g", 2 ^ (type == "float32" ? -127 : -1023) }')
+        "$vkt" arith mul in_$type.nrrd "$most" -o most_$type.nrrd
+        for command in 'box --radius 2' 'kernel heavy.txt' 'kernel heavy_gaps.txt' 'kernel heavy_long.txt'; do
+            same 1e-5 "$vkt filter $command most_$type.nrrd -q | $vkt arith mul - $least -q"
+        done
+        for axis in x y z; do
+            same 1e-6 "$vkt project mean --axis $axis most_$type.nrrd -q | $vkt arith mul - $least -q"
         done
         for axis in x y z; do
             same 1e-6 "$vkt project std --axis $axis huge_$type.nrrd -q | $vkt arith mul - $down -q"

@@ -30,6 +30,11 @@ double growth_of(std::vector<AxisTaps> const& all) {
     for (AxisTaps const& taps : all) most = std::max(most, 2 * magnitude_of(taps));
     return most;
 }
+/// The power of two that leaves room for what is in between.
+double headroom_of(double growth, bool wide) {
+    // Beyond that, results would be too large as well.
+    return std::exp2(-std::ceil(std::min(std::log2(growth), wide ? 900.0 : 100.0)));
+}
 double total_of(AxisTaps const& taps) {
     if (taps.kind == AxisTaps::Kind::average) return 1;
     double sum = 0;
@@ -119,9 +124,12 @@ std::size_t SeparableSum::bytes() const {
 double SeparableSum::headroom() const {
     double weights = 1;
     for (auto const& term : terms) weights += std::abs(term.weight);
-    double const growth = growth_of(x) * growth_of(y) * growth_of(z) * weights;
-    // Beyond that, results would be too large as well.
-    return std::exp2(-std::ceil(std::min(std::log2(growth), wide ? 900.0 : 100.0)));
+    return headroom_of(growth_of(x) * growth_of(y) * growth_of(z) * weights, wide);
+}
+double DenseKernel::headroom() const {
+    double weights = 1;
+    for (Tap const& tap : taps) weights += std::abs(tap.weight);
+    return headroom_of(weights, wide);
 }
 
 void LinearFilter::parameters(Parameters& parameters) {

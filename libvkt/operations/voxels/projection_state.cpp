@@ -27,7 +27,7 @@ Needs needs(Projection kind, DataType type, std::int64_t n) {
     else
         result.value = result.count = true;
     result.extra = kind == Projection::std || (result.value && type == DataType::float64);
-    result.scale = kind == Projection::std && type == DataType::float64;
+    result.scale = result.value && type == DataType::float64;
     return result;
 }
 
@@ -83,10 +83,8 @@ void ProjectionState::begin(Space space) {
 }
 
 std::size_t median_line_bytes(DataType type, std::int64_t n) {
-    // 32 lines of keys, which also count the voxels of a line.
-    std::size_t const key =
-        n <= std::numeric_limits<std::uint16_t>::max() ? std::max<std::size_t>(2, size_of(type)) : 8;
-    return 32 * static_cast<std::size_t>(n) * key;
+    // 64 lines of keys, and of one byte of each.
+    return 64 * static_cast<std::size_t>(n) * (size_of(type) + 1);
 }
 
 } // namespace vkt

@@ -131,9 +131,36 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
                   });
 }
 
+/// Means of float64 that are not finite though their voxels are: of voxels times `scale`.
+void mend_means(ConstView in, AnyView out, Index3 radius, double count, double scale, Execution const& execution) {
+    auto const load = [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* to) {
+        auto const* const from = reinterpret_cast<double const*>(in.at(x, y, z));
+#pragma omp simd
+        for (std::int64_t i = 0; i < n; ++i) to[i] = from[i] * scale;
+    };
+    auto const store = [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double const* from) {
+        auto* const to = reinterpret_cast<double*>(out.at(x, y, z));
+        for (std::int64_t i = 0; i < n; ++i)
+            if (!is_finite(to[i])) to[i] = mean_of_scaled(from[i], count, scale);
+    };
+    box_windows<Sum, double>(out.box, radius, execution, load, store);
+}
+
+/// Whether voxels of a box are so large that sums of float64 with this scale may overflow without it.
+bool large_in(ConstView in, Box const& box, double scale, Execution const& execution) {
+    bool large = false;
+    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        if (!any_large(reinterpret_cast<double const*>(in.at(x, y, z)), n, scale)) return;
+#pragma omp atomic write
+        large = true;
+    });
+    return large;
+}
+
 template <class S> void mean_in(ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution) {
     using Loaded = std::conditional_t<std::is_same_v<S, double>, double, float>;
     auto const count = static_cast<double>((2 * radius.x + 1) * (2 * radius.y + 1) * (2 * radius.z + 1));
+    bool finite = true; // all means of float64
     auto const load = [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, S* to) {
         for (std::int64_t i = 0; i < n; i += row_piece) {
             std::int64_t const m = std::min(row_piece, n - i);
@@ -151,9 +178,17 @@ template <class S> void mean_in(ConstView in, AnyView out, Index3 radius, Losses
         alignas(64) double means[row_piece];
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) means[i] = static_cast<double>(from[i]) / count;
+        if (in.type == DataType::float64 && !all_finite(static_cast<double const*>(means), n)) {
+#pragma omp atomic write
+            finite = false;
+        }
         driver::add(losses, store_row(out.type, static_cast<double const*>(means), out.at(x, y, z), n));
     };
     box_windows<Sum, S>(out.box, radius, execution, load, store);
+    if (finite) return;
+    double const scale = scale_of_boxes(count);
+    if (large_in(in, {out.box.lower - radius, out.box.upper + radius}, scale, execution))
+        mend_means(in, out, radius, count, scale, execution);
 }
 
 /// Least or greatest keys of ellipsoids: rows with chords of each length, combined.

@@ -6,6 +6,7 @@
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
+#include "libvkt/operations/filter/kernels/device_large_values.h"
 #include "libvkt/operations/filter/kernels/window_parts.h"
 
 #include <cstring>
@@ -44,11 +45,17 @@ template <class Op, class S> struct AlongRow {
     S* out;
     std::int64_t row, slice;
     std::int64_t width;
+    S scale; ///< of what is summed up
 
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts&) const {
         S value = load<Op, S>(in.type, in.at(x, y, z));
-        for (std::int64_t i = 1; i < width; ++i) value = Op::of(value, load<Op, S>(in.type, in.at(x + i, y, z)));
+        if constexpr (std::is_same_v<Op, Sum>) value *= scale;
+        for (std::int64_t i = 1; i < width; ++i) {
+            S next = load<Op, S>(in.type, in.at(x + i, y, z));
+            if constexpr (std::is_same_v<Op, Sum>) next *= scale;
+            value = Op::of(value, next);
+        }
         out[x + y * row + z * slice] = value;
     }
 };
@@ -60,20 +67,27 @@ template <class Op, class S> struct AlongColumn {
     driver::DeviceRows out;
     std::int64_t width;
     double count; ///< of the voxels of a box
+    S scale;      ///< not 1: only means of float64 that are not finite are stored
 
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         S const* from = in + x + y * row + z * slice;
         S value = *from;
         for (std::int64_t i = 1; i < width; ++i) value = Op::of(value, from[i * slice]);
-        if constexpr (std::is_same_v<Op, Sum>)
-            driver::store_value(out.type, out.at(x, y, z), static_cast<double>(value) / count, counts);
-        else
-            driver::store_result(out.type, out.at(x, y, z), value, counts);
+        std::byte* const to = out.at(x, y, z);
+        if constexpr (!std::is_same_v<Op, Sum>) {
+            driver::store_result(out.type, to, value, counts);
+        } else if (scale == S(1)) {
+            double const mean = static_cast<double>(value) / count;
+            if (out.type == DataType::float64 && !is_finite(mean)) ++counts.undefined;
+            driver::store_value(out.type, to, mean, counts);
+        } else if (double& mean = *reinterpret_cast<double*>(to); !is_finite(mean)) {
+            mean = mean_of_scaled(static_cast<double>(value), count, static_cast<double>(scale));
+        }
     }
 };
 
-template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radius, Losses& losses) {
+template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radius, Losses& losses, S scale = 1) {
     if (out.box.empty()) return;
     Index3 const n = out.dims(), w{2 * radius.x + 1, 2 * radius.y + 1, 2 * radius.z + 1};
     Index3 const first{n.x, n.y + 2 * radius.y, n.z + 2 * radius.z}, second{n.x, n.y, first.z};
@@ -82,16 +96,31 @@ template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radi
     auto* const along_x = reinterpret_cast<S*>(rows.get());
     auto* const along_y = reinterpret_cast<S*>(planes.get());
     Box const seen{out.box.lower - radius, out.box.upper + radius};
-    driver::for_each_voxel(first, AlongRow<Op, S>{driver::device_rows(in, seen), along_x, n.x, n.x * first.y, w.x},
+    driver::for_each_voxel(first,
+                           AlongRow<Op, S>{driver::device_rows(in, seen), along_x, n.x, n.x * first.y, w.x, scale},
                            nullptr, "box windows along x");
     driver::for_each_voxel(second, AlongAxis<Op, S>{along_x, along_y, n.x, n.x * first.y, n.x, n.x * n.y, n.x, w.y},
                            nullptr, "box windows along y");
     driver::DeviceLosses const counts;
     driver::for_each_voxel(n,
                            AlongColumn<Op, S>{along_y, n.x, n.x * n.y, driver::device_rows(ConstView(out), out.box),
-                                              w.z, static_cast<double>(w.x * w.y * w.z)},
+                                              w.z, static_cast<double>(w.x * w.y * w.z), scale},
                            counts.get(), "box windows along z");
     counts.add_to(losses);
+}
+
+/// Sums of float64 that overflow are made again of smaller voxels.
+void means_in_double(ConstView in, AnyView out, Index3 radius, Losses& losses) {
+    Losses mine;
+    windows<Sum, double>(in, out, radius, mine);
+    if (in.type == DataType::float64) {
+        Index3 const w{2 * radius.x + 1, 2 * radius.y + 1, 2 * radius.z + 1};
+        double const scale = scale_of_boxes(static_cast<double>(w.x * w.y * w.z));
+        if (mine.undefined > 0 && any_large_on_device(in, {out.box.lower - radius, out.box.upper + radius}, scale))
+            windows<Sum, double>(in, out, radius, mine, scale);
+        mine.undefined = 0;
+    }
+    losses += mine;
 }
 
 /// Half of the row of a ball at (dy, dz), -1 where there is none.
@@ -130,7 +159,7 @@ void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Losses& losses, Exe
     if (box_sum_bytes(in.type, radius) == 4)
         windows<Sum, std::int32_t>(in, out, radius, losses);
     else
-        windows<Sum, double>(in, out, radius, losses);
+        means_in_double(in, out, radius, losses);
 }
 
 void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const&) {

@@ -10,7 +10,8 @@ namespace vkt {
 enum class WindowExtreme : std::uint8_t { least, greatest };
 
 /// Mean of the (2 rx + 1)(2 ry + 1)(2 rz + 1) voxels around each, rounded once to the type; `in` covers them. Integers
-/// are summed exactly below 2^53, floats in float64. A NaN spoils its boxes and nothing else.
+/// are summed exactly below 2^53, floats in float64; sums of float64 that would overflow are made of smaller voxels. A
+/// NaN spoils its boxes and nothing else.
 VKT_KERNEL(mean_of_boxes, (ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution),
            (in, out, radius, losses, execution))
 VKT_KERNEL(extreme_of_boxes,

@@ -154,7 +154,7 @@ private:
             for (std::int64_t i = 0; i < wide; i += row_piece)
                 load_row(in_.type, in_.at(x0 + i, tile_.lower.y - radius_.y + j, z), line_.data() + i,
                          std::min(row_piece, wide - i));
-            if (overflows_ && !large_) look_for_large(wide);
+            if (overflows_ && !large_) large_ = any_large(line_.data(), wide, headroom_);
             if (scale_ != 1)
                 for (std::int64_t i = 0; i < wide; ++i) line_[static_cast<std::size_t>(i)] *= scale_;
             for (std::size_t t = 0; t < x_.size(); ++t) {
@@ -176,23 +176,13 @@ private:
         }
     }
 
-    /// Of the row of voxels at hand.
-    void look_for_large(std::int64_t n) {
-        C const* const line = line_.data();
-        std::int32_t found = 0;
-#pragma omp simd reduction(| : found)
-        for (std::int64_t x = 0; x < n; ++x) found |= is_large(line[x], headroom_) ? 1 : 0;
-        large_ = found != 0;
-    }
-
     void finish_slice(std::int64_t z, bool reduced, Losses& losses) {
         Index3 const n = tile_.dims();
         for (std::int64_t j = 0; j < n.y; ++j) {
             C* const result = finished_row(z, j);
             if (reduced) {
                 C const* const other = reduced_->finished_row(z, j);
-                for (std::int64_t x = 0; x < n.x; ++x)
-                    result[x] = result[x] - result[x] == 0 ? result[x] : other[x]; // NOLINT(misc-redundant-expression)
+                for (std::int64_t x = 0; x < n.x; ++x) result[x] = is_finite(result[x]) ? result[x] : other[x];
             }
             losses +=
                 store_row(out_.type, static_cast<C const*>(result), out_.at(tile_.lower.x, tile_.lower.y + j, z), n.x);
@@ -340,20 +330,54 @@ private:
     Lanes<C> sum_[R][registers_together] = {};
 };
 
-template <class C> std::vector<C> weights_of(DenseKernel const& kernel) {
+/// The weights of a dense kernel as C.
+template <class C> struct DenseWeights {
     std::vector<C> weights;
-    for (Tap const& tap : kernel.taps) weights.push_back(static_cast<C>(tap.weight));
-    return weights;
-}
+    C offset, headroom;
+    bool overflows; ///< voxels are such as may be too large
+
+    DenseWeights(DenseKernel const& kernel, DataType type)
+        : offset(static_cast<C>(kernel.offset)), headroom(static_cast<C>(kernel.headroom())),
+          overflows(type == DataType::float32 || type == DataType::float64) {
+        for (Tap const& tap : kernel.taps) weights.push_back(static_cast<C>(tap.weight));
+    }
+
+    /// Makes those of n sums that are not finite for large voxels again, from voxels times the headroom. from(k) are
+    /// the voxels of weight k.
+    template <class From> void mend(C* sums, std::int64_t n, From const& from) const {
+        if (overflows && !all_finite(sums, n)) make_again(sums, n, from);
+    }
+
+private:
+    template <class From> [[gnu::noinline]] void make_again(C* sums, std::int64_t n, From const& from) const {
+        bool large = false;
+        for (std::size_t k = 0; k < weights.size() && !large; ++k) {
+            bool const seen = k > 0 && from(k) == from(k - 1) + 1; // but for one
+            large = seen ? is_large(from(k)[n - 1], headroom) : any_large(from(k), n, headroom);
+        }
+        if (!large) return;
+        for (std::int64_t x = 0; x < n; ++x) {
+            if (is_finite(sums[x])) continue;
+            C sum = 0;
+            for (std::size_t k = 0; k < weights.size(); ++k) sum = madd(weights[k], from(k)[x] * headroom, sum);
+            sums[x] = sum / headroom + offset;
+        }
+    }
+};
 
 template <class C, int R, int fixed>
 void correlate_box(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
     Index3 const r = kernel.radius, dims{2 * r.x + 1, 2 * r.y + 1, 2 * r.z + 1};
     driver::for_each_row_of_neighbours<C, R>(execution, out, losses, r, in, [&] {
-        return [dims, weights = weights_of<C>(kernel),
-                offset = static_cast<C>(kernel.offset)](C const* const* rows, std::int64_t n, C* results) {
+        return [dims, all = DenseWeights<C>(kernel, in.type)](C const* const* rows, std::int64_t n, C* results) {
             for (std::int64_t x = 0; x < n; x += registers_together * lane_count<C>)
-                Block<C, R, fixed>(rows, x, weights.data(), dims).store(offset, results + x);
+                Block<C, R, fixed>(rows, x, all.weights.data(), dims).store(all.offset, results + x);
+            for (std::int64_t row = 0; row < R; ++row)
+                all.mend(results + row * driver::results_pitch<C>, n, [&](std::size_t tap) {
+                    auto const k = static_cast<std::int64_t>(tap);
+                    return rows[k / (dims.x * dims.y) * (dims.y + R - 1) + k / dims.x % dims.y + row] + k % dims.x -
+                           dims.x / 2;
+                });
         };
     });
 }
@@ -363,7 +387,7 @@ void correlate_taps(ConstView in, AnyView out, DenseKernel const& kernel, Losses
     std::int64_t const lines = 2 * kernel.radius.y + 1;
     auto const count = static_cast<std::int64_t>(kernel.taps.size());
     driver::for_each_row_of_neighbours<C>(execution, out, losses, kernel.radius, in, [&] {
-        return [&kernel, lines, count, weights = weights_of<C>(kernel),
+        return [&kernel, lines, count, all = DenseWeights<C>(kernel, in.type),
                 from = std::vector<C const*>(kernel.taps.size())](C const* const* rows, std::int64_t n,
                                                                   C* results) mutable {
             for (std::size_t k = 0; k < from.size(); ++k) {
@@ -371,10 +395,11 @@ void correlate_taps(ConstView in, AnyView out, DenseKernel const& kernel, Losses
                 from[k] = rows[(at.z + kernel.radius.z) * lines + at.y + kernel.radius.y] + at.x;
             }
             C const* const* const of = from.data();
-            sum_of(results, n, false, static_cast<C const*>(weights.data()), 0, count,
+            sum_of(results, n, false, all.weights.data(), 0, count,
                    [of](std::int64_t k, std::int64_t x) { return load_lanes(of[k] + x); });
             if (kernel.offset != 0)
-                for (std::int64_t x = 0; x < n; ++x) results[x] += static_cast<C>(kernel.offset);
+                for (std::int64_t x = 0; x < n; ++x) results[x] += all.offset;
+            all.mend(results, n, [of](std::size_t k) { return of[k]; });
         };
     });
 }

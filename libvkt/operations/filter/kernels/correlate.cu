@@ -6,6 +6,7 @@
 #include "libvkt/kernel/cuda_stencil.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/filter/kernels/device_large_values.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,16 +23,6 @@ template <class C> struct Values {
     C scale = 1;
     __device__ __forceinline__ C operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
         return driver::load_value<C>(rows.type, rows.at(x, y, z)) * scale;
-    }
-};
-
-/// Counts voxels that are so large that something in between may overflow.
-template <class C> struct CountLarge {
-    Values<C> in;
-    C headroom;
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts& counts) const {
-        counts.undefined += is_large(in(x, y, z), headroom) ? 1 : 0;
     }
 };
 
@@ -136,8 +127,6 @@ template <class C, int N> __device__ __forceinline__ C length_of(C const (&part)
     for (int i = 1; i < N; ++i) sum = madd(part[i] * scale, part[i] * scale, sum);
     return sqrt(sum) / scale;
 }
-
-template <class C> __device__ __forceinline__ bool is_finite(C value) { return value - value == 0; }
 
 /// What is made of the parts of a sum; where that is not finite, of the sum of voxels times `scale`, if there is one.
 /// Counts what is not finite without it.
@@ -401,13 +390,7 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
     }
     if (mine.undefined > 0) { // infinities and NaN, if nothing overflowed
         Index3 const r = sum.radius();
-        Box const around{out.box.lower - r, out.box.upper + r};
-        driver::DeviceLosses const counts;
-        CountLarge<C> const large{{driver::device_rows(in, around)}, static_cast<C>(sum.headroom())};
-        driver::for_each_voxel(around.dims(), large, counts.get(), "correlate");
-        Losses found;
-        counts.add_to(found);
-        if (found.undefined > 0) {
+        if (any_large_on_device(in, {out.box.lower - r, out.box.upper + r}, static_cast<C>(sum.headroom()))) {
             mine = {};
             by_axes<C>(in, out, sum, true, mine);
         }
@@ -419,29 +402,38 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
 /// 27 weights, in the registers of a launch's parameters.
 template <class C> struct Cube {
     C weight[27];
-    C offset;
+    C offset, headroom;
 };
 
 /// A thread goes through slices of a column of voxels; of each slice it loads what lies around them once, for all the
 /// voxels whose neighbour it is.
 constexpr int cube_x = 64, cube_y = 4, cube_rows = 4, cube_slices = 32;
 
-/// The same for one voxel, in the same order; weights of 0 take no part, whatever the voxel is.
+/// The same for one voxel, in the same order, of voxels times a power of two; weights of 0 take no part, whatever the
+/// voxel is.
 template <class C, class T>
-__device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
+__device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube, C scale) {
     C sum = 0;
     for (int k = 0; k < 27; ++k)
         if (cube.weight[k] != 0)
             sum = madd(cube.weight[k],
                        static_cast<C>(reinterpret_cast<T const*>(at + (k / 9 - 1) * in.slice +
-                                                                 (k / 3 % 3 - 1) * in.row)[k % 3 - 1]),
+                                                                 (k / 3 % 3 - 1) * in.row)[k % 3 - 1]) *
+                           scale,
                        sum);
     return sum;
 }
 
-/// `Gaps`: some weights are 0, which adds nothing, to a sum that is never -0, but of what is not finite: such sums are
-/// made once more.
-template <class C, class T, bool Gaps>
+/// What is not finite is made once more: some weights may be 0, which adds nothing, to a sum that is never -0, but of
+/// what is not finite; and voxels may be too large.
+template <class C, class T>
+__device__ __noinline__ C cube_again(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
+    C const sum = cube_at<C, T>(at, in, cube, C(1));
+    return is_finite(sum) ? sum : cube_at<C, T>(at, in, cube, cube.headroom) / cube.headroom;
+}
+
+/// `Floats`: voxels of which sums may not be finite.
+template <class C, class T, bool Floats>
 __global__ void __launch_bounds__(cube_x* cube_y)
     cube_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
                 __grid_constant__ Cube<C> const cube, unsigned long long* totals) {
@@ -490,7 +482,7 @@ __global__ void __launch_bounds__(cube_x* cube_y)
                 middle[r] = here;
                 above[r] = next;
                 if (z == z0 - 1 || z == z0 || r >= rows) continue;
-                if (Gaps && !(below - below == 0)) below = cube_at<C, T>(from - in.slice + r * in.row, in, cube);
+                if (Floats && !is_finite(below)) below = cube_again<C, T>(from - in.slice + r * in.row, in, cube);
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
                 if (std::is_same_v<T, C> && out.type == in.type)
                     *reinterpret_cast<C*>(to + r * out.row) = sum;
@@ -502,15 +494,13 @@ __global__ void __launch_bounds__(cube_x* cube_y)
     driver::add_counts(counts, totals);
 }
 
-template <class C, class T>
-void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, bool gaps, Losses& losses) {
+template <class C, class T> void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, Losses& losses) {
     Index3 const n = out.dims();
     driver::Blocks const blocks = driver::blocks_of<driver::BlockShape<cube_x, cube_y * cube_rows, cube_slices, 1>>(n);
     driver::DeviceLosses const counts;
-    auto* const kernel = gaps ? &cube_kernel<C, T, true> : &cube_kernel<C, T, false>;
-    kernel<<<blocks.all, dim3(cube_x, cube_y)>>>(driver::device_rows(in, out.box),
-                                                 driver::device_rows(ConstView(out), out.box), n, blocks.across,
-                                                 blocks.along, cube, counts.get());
+    cube_kernel<C, T, !std::is_integral_v<T>><<<blocks.all, dim3(cube_x, cube_y)>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n, blocks.across, blocks.along,
+        cube, counts.get());
     check_launch("correlate_cube");
     counts.add_to(losses);
 }
@@ -520,17 +510,26 @@ template <class C> struct DeviceTap {
     C weight;
 };
 
-/// Any taps, in their order, from wherever voxel(dx, dy, dz) comes.
+/// Any taps, in their order, from wherever voxel(dx, dy, dz) comes. Sums that are not finite are made again of smaller
+/// voxels.
 template <class C> struct AnyTaps {
     DeviceTap<C> const* tap;
     int count;
-    C offset;
+    C offset, headroom;
 
     template <class V> VKT_DEVICE C sum(V const& voxel) const {
         C total = 0;
         for (int k = 0; k < count; ++k) {
             DeviceTap<C> const t = tap[k];
             total = madd(t.weight, voxel(t.x, t.y, t.z), total);
+        }
+        if (!is_finite(total)) {
+            total = 0;
+            for (int k = 0; k < count; ++k) {
+                DeviceTap<C> const t = tap[k];
+                total = madd(t.weight, voxel(t.x, t.y, t.z) * headroom, total);
+            }
+            total = total / headroom;
         }
         return offset != 0 ? total + offset : total;
     }
@@ -555,21 +554,21 @@ template <class C>
 void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
     if (out.box.empty()) return;
     Index3 const r = kernel.radius;
-    auto const offset = static_cast<C>(kernel.offset);
+    auto const offset = static_cast<C>(kernel.offset), headroom = static_cast<C>(kernel.headroom());
     if (r == Index3{1, 1, 1} && kernel.taps.size() > 9) {
         Cube<C> cube{};
         for (Tap const& tap : kernel.taps)
             cube.weight[tap.at.x + 1 + 3 * (tap.at.y + 1) + 9 * (tap.at.z + 1)] = static_cast<C>(tap.weight);
         cube.offset = offset;
-        bool const gaps = kernel.taps.size() < 27 && !is_integer(in.type);
-        return with_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
+        cube.headroom = headroom;
+        return with_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, losses); });
     }
     std::vector<DeviceTap<C>> taps;
     for (Tap const& tap : kernel.taps)
         taps.push_back({static_cast<int>(tap.at.x), static_cast<int>(tap.at.y), static_cast<int>(tap.at.z),
                         static_cast<C>(tap.weight)});
     driver::DeviceList const list(taps);
-    AnyTaps<C> const any{list.get(), static_cast<int>(taps.size()), offset};
+    AnyTaps<C> const any{list.get(), static_cast<int>(taps.size()), offset, headroom};
     if (driver::fits_stencil<C>(r)) return stencil<C>(execution, out, losses, r, any, in);
     driver::DeviceLosses const counts;
     FarTaps<C> const far{any,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/kernel/numeric.h"
+#include "libvkt/operations/filter/kernels/large_values.h"
 
 #include <vector>
 
@@ -63,13 +64,6 @@ template <class C> VKT_HD C scale_for_squares(C most) {
     return most > large ? 1 / factor : most < 1 / large ? factor : C(1);
 }
 
-/// Whether a number is one, and so large that something in between may overflow.
-template <class C> VKT_HD bool is_large(C value, C headroom) {
-    constexpr C most = sizeof(C) == 4 ? C(0x1.fffffep127) : C(0x1.fffffffffffffp1023);
-    C const size = value < 0 ? -value : value;
-    return size > most * headroom && size <= most;
-}
-
 } // namespace VKT_BACKEND
 
 /// One tap of a dense kernel.
@@ -82,6 +76,9 @@ struct DenseKernel {
     std::vector<Tap> taps;
     double offset = 0;
     bool wide = false;
+
+    /// As SeparableSum's.
+    double headroom() const;
 };
 
 VKT_KERNEL(correlate, (ConstView in, AnyView out, SeparableSum const& sum, Losses& losses, Execution const& execution),

@@ -5,7 +5,10 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/operations/filter/kernels/box_window.h"
+#include "libvkt/operations/filter/kernels/large_values.h"
 
+#include <cmath>
+#include <limits>
 #include <vector>
 
 namespace vkt::VKT_BACKEND {
@@ -20,6 +23,16 @@ struct Least {
 struct Greatest {
     template <class S> VKT_HD static S of(S a, S b) { return a < b ? b : a; }
 };
+
+/// A power of two by which float64 may be multiplied so that no sum of so many overflows.
+inline double scale_of_boxes(double count) { return std::exp2(-std::ceil(std::log2(count))); }
+/// The mean of voxels from the sum of what they are times `scale`; that of numbers is one.
+VKT_HD double mean_of_scaled(double sum, double count, double scale) {
+    constexpr double most = std::numeric_limits<double>::max();
+    double const mean = sum / count, result = mean / scale;
+    if (!is_finite(mean) || is_finite(result)) return result;
+    return result > 0 ? most : -most;
+}
 
 /// How far the rows of an ellipsoid reach to either side, y fastest; -1 for rows that it has no voxel of. Offsets are
 /// exactly on it for whole numbers: compared with room for rounding, far less than the next offset is off.

@@ -7,7 +7,6 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
-#include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/voxels/kernels/projected_lines.h"
 
 #include <algorithm>
@@ -18,22 +17,6 @@ namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// to[j * pixels + i] = from[i * row + j] for i < pixels, j < n; `pixels` is a multiple of every block's edge.
-template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixels, std::int64_t n, T* to) {
-    for_each_size(sizeof(T), [&]<class U>(U) {
-        if constexpr (sizeof(U) == sizeof(T)) {
-            constexpr std::int64_t edge = block_edge<U>;
-            std::int64_t const whole = n / edge * edge;
-            for (std::int64_t i = 0; i < pixels; i += edge)
-                for (std::int64_t j = 0; j < whole; j += edge)
-                    transpose_block(reinterpret_cast<U const*>(from + i * row + j), row,
-                                    reinterpret_cast<U*>(to + j * pixels + i), pixels);
-            for (std::int64_t j = whole; j < n; ++j)
-                for (std::int64_t i = 0; i < pixels; ++i) to[j * pixels + i] = from[i * row + j];
-        }
-    });
-}
 
 /// Pixels side by side that are worked on at a time: what is read of a row or a slice is long enough to be foreseen,
 /// and of lines along z, whose next voxels are slices apart, much longer: 2048 floats took twice as long as 16384.
@@ -46,9 +29,15 @@ template <class T> std::int64_t pixels_together(ProjectionState const& state) {
     return state.axis == 2 ? (doubles ? most_tried : most_pixels) : (8 << 10) / static_cast<std::int64_t>(sizeof(T));
 }
 
-/// The same as for_each_lines(), with pixels side by side: lines along rows are turned, a few at a time.
-template <class T, class F>
-void for_each_upright(ProjectionState const& state, ConstView in, Execution const& execution, F const& f) {
+struct Unfinished {
+    template <class T> void operator()(Lines<T> const&) const {}
+};
+
+/// The same as for_each_lines(), with pixels side by side: lines along rows are turned, a few at a time; then finish()
+/// takes them as they were.
+template <class T, class F, class Finish = Unfinished>
+void for_each_upright(ProjectionState const& state, ConstView in, Execution const& execution, F const& f,
+                      Finish const& finish = {}) {
     if (state.axis != 0) return for_each_lines<T>(state, in, pixels_together<T>(state), execution, f);
     constexpr std::int64_t together = 16, most = (16 << 10) / together / static_cast<int>(sizeof(T));
     for_each_lines<T>(state, in, together, execution, [&](Lines<T> const& rows) {
@@ -62,6 +51,7 @@ void for_each_upright(ProjectionState const& state, ConstView in, Execution cons
             }
             f(lines);
         }
+        finish(rows);
     });
 }
 
@@ -203,21 +193,24 @@ template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Be
     constexpr std::int64_t lanes = lane_count<A>, together = 4 * lanes;
     A result = row[0];
     std::int64_t k = 0;
-    Lanes<A> odd{};
     if (n >= together) {
-        Lanes<A> most[4];
+        Lanes<A> most[4], odd[4] = {};
 #pragma GCC unroll 4
         for (int r = 0; r < 4; ++r) most[r] = load_lanes(row + r * lanes);
         for (; k + together <= n; k += together)
 #pragma GCC unroll 4
             for (int r = 0; r < 4; ++r) {
+                __builtin_prefetch(row + k + 1024 + r * lanes);
                 Lanes<A> const v = load_lanes(row + k + r * lanes);
                 most[r] = best.picks(most[r], v) ? v : most[r];
-                if constexpr (std::is_floating_point_v<A>) odd += v - v; // NOLINT(misc-redundant-expression): as above
+                if constexpr (std::is_floating_point_v<A>) odd[r] += v - v; // NOLINT(misc-redundant-expression)
             }
-        for (int r = 1; r < 4; ++r) most[0] = best.picks(most[0], most[r]) ? most[r] : most[0];
+        for (int r = 1; r < 4; ++r) {
+            most[0] = best.picks(most[0], most[r]) ? most[r] : most[0];
+            odd[0] += odd[r];
+        }
         result = folded_lanes<A>(most[0], best);
-        numbers = numbers && folded_lanes<A>(odd, Plus{}) == A(0);
+        numbers = numbers && folded_lanes<A>(odd[0], Plus{}) == A(0);
     }
     for (; k < n; ++k) {
         result = best(result, row[k]);
@@ -409,6 +402,67 @@ template <int rows, class T> void add_with_losses_of(Lines<T> const& lines, std:
     }
 }
 
+/// Line i alone, whose sum would overflow: from there on it is of voxels times a power of two, whatever the slabs.
+template <class T> void add_without_overflow(Lines<T> const& lines, std::int64_t i, ProjectionState& state) {
+    std::size_t const at = lines.at + static_cast<std::size_t>(i);
+    double total = state.value[at], lost = state.extra[at], count = state.count[at];
+    double scale = state.scale[at] == 0 ? 1 : state.scale[at];
+    for (std::int64_t k = 0; k < lines.n; ++k) {
+        T const voxel = lines.first[i * lines.pixel + k * lines.step];
+        if (is_nan(voxel) != 0) continue;
+        double w = static_cast<double>(voxel) * scale, s = total + w;
+        if (std::isinf(s) && std::isfinite(total) && std::isfinite(w)) {
+            scale = scale_of_sums;
+            total *= scale;
+            lost *= scale;
+            w *= scale;
+            s = total + w;
+        }
+        bool const larger = std::abs(total) >= std::abs(w);
+        double const large = larger ? total : w, small = larger ? w : total;
+        double const rest = (large - s) + small;
+        lost += std::isfinite(rest) ? rest : 0;
+        total = s;
+        count += 1;
+    }
+    state.value[at] = total;
+    state.extra[at] = lost;
+    state.count[at] = count;
+    state.scale[at] = scale == 1 ? 0 : scale;
+}
+
+/// Adds voxels of all lines. Returns how many are NaN.
+template <class T> std::int64_t add_with_losses(Lines<T> const& lines, ProjectionState& state) {
+    double* const count = state.count + lines.at;
+    double const before = std::accumulate(count, count + lines.pixels, 0.0);
+    std::int64_t k = 0;
+    for (; k + 4 <= lines.n; k += 4) add_with_losses_of<4>(lines, k, state);
+    for (; k < lines.n; ++k) add_with_losses_of<1>(lines, k, state);
+    double const added = std::accumulate(count, count + lines.pixels, 0.0) - before;
+    return lines.n * lines.pixels - static_cast<std::int64_t>(added);
+}
+
+/// Adds lines of which there may be more to come, at most most_tried of them. Returns the same.
+template <class T> std::int64_t add_with_care(Lines<T> const& lines, ProjectionState& state) {
+    double *const sum = state.value + lines.at, *const lost = state.extra + lines.at,
+                  *const count = state.count + lines.at, *const scale = state.scale + lines.at;
+    alignas(64) double sums[most_tried], losses[most_tried], counts[most_tried];
+    std::copy_n(sum, lines.pixels, sums);
+    std::copy_n(lost, lines.pixels, losses);
+    std::copy_n(count, lines.pixels, counts);
+    std::int64_t const nan = add_with_losses(lines, state);
+    bool const scaled = std::any_of(scale, scale + lines.pixels, [](double s) { return s != 0; });
+    if (!scaled && all_finite(sum, lines.pixels)) return nan;
+    for (std::int64_t i = 0; i < lines.pixels; ++i) {
+        if (scale[i] == 0 && (std::isfinite(sum[i]) || !std::isfinite(sums[i]))) continue;
+        sum[i] = sums[i];
+        lost[i] = losses[i];
+        count[i] = counts[i];
+        add_without_overflow(lines, i, state);
+    }
+    return nan;
+}
+
 /// Sums of floats; those of float64 with what was lost.
 template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
     if (state.axis == 0 && state.extra == nullptr)
@@ -418,21 +472,23 @@ template <class T> void add_floats(ProjectionState& state, ConstView in, Executi
             state.count[line.at] += static_cast<double>(line.n - nan);
             add_nan(state, nan);
         });
-    auto const add_with_losses = [&](Lines<T> const& lines) {
-        double* const count = state.count + lines.at;
-        double const before = std::accumulate(count, count + lines.pixels, 0.0);
-        std::int64_t k = 0;
-        for (; k + 4 <= lines.n; k += 4) add_with_losses_of<4>(lines, k, state);
-        for (; k < lines.n; ++k) add_with_losses_of<1>(lines, k, state);
-        double const added = std::accumulate(count, count + lines.pixels, 0.0) - before;
-        add_nan(state, lines.n * lines.pixels - static_cast<std::int64_t>(added));
-    };
-    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
-        if (state.extra == nullptr)
+    if (state.extra == nullptr)
+        return for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
             add_nan(state, add_sums(lines, state.value + lines.at, state.count + lines.at));
-        else
-            add_with_losses(lines);
-    });
+        });
+    if (state.axis != 0)
+        return for_each_upright<T>(state, in, execution,
+                                   [&](Lines<T> const& lines) { add_nan(state, add_with_care(lines, state)); });
+    for_each_upright<T>(
+        state, in, execution, [&](Lines<T> const& lines) { add_nan(state, add_with_losses(lines, state)); },
+        [&](Lines<T> const& rows) { // they are whole
+            for (std::int64_t i = 0; i < rows.pixels; ++i) {
+                std::size_t const at = rows.at + static_cast<std::size_t>(i);
+                if (std::isfinite(state.value[at])) continue;
+                state.value[at] = state.extra[at] = state.count[at] = 0;
+                add_without_overflow(rows, i, state);
+            }
+        });
 }
 
 /// Means and sums of squared deviations from them (Welford), and how many values they are of. The second difference is
@@ -568,7 +624,7 @@ void add_numbers(T const* from, std::int64_t step, Deviations const& to, double 
         if constexpr (ahead)
             for (std::size_t byte = 0; byte < rows * lanes * sizeof(T); byte += 64)
                 __builtin_prefetch(reinterpret_cast<std::byte const*>(from + rows * (step + i)) + byte);
-#pragma GCC unroll 4
+#pragma GCC unroll 8
         for (int r = 0; r < rows; ++r) add(load_doubles(from + r * step + i), share[r], m, q);
         store_lanes(to.mean + i, m);
         store_lanes(to.squares + i, q);
@@ -630,6 +686,8 @@ template <class T> std::int64_t add_lines(Lines<T> const& lines, Deviations cons
         std::copy_n(to.mean, to.pixels, mean);
         std::copy_n(to.squares, to.pixels, squares);
         std::int64_t k = 0;
+        for (; are_apart(lines) && k + 8 <= lines.n; k += 8)
+            add_numbers<8>(lines.first + k * lines.step, lines.step, to, count + static_cast<double>(k));
         for (; k + 4 <= lines.n; k += 4) {
             T const* const rows = lines.first + k * lines.step;
             if (are_apart(lines))
@@ -774,12 +832,16 @@ void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n,
             to[i] = static_cast<double>(state.whole[p]) / length;
         } else if (state.wide != nullptr) {
             to[i] = static_cast<double>(state.wide[p]) / length;
-        } else if (state.kind == Projection::std) {
-            double const scale = state.scale == nullptr || state.scale[p] == 0 ? 1 : state.scale[p];
-            to[i] = state.count[p] > 0 ? std::sqrt(state.extra[p] / state.count[p]) / scale : none;
         } else {
+            double const scale = state.scale == nullptr || state.scale[p] == 0 ? 1 : state.scale[p],
+                         count = state.count[p];
             double const sum = state.value[p] + (state.extra == nullptr ? 0 : state.extra[p]);
-            to[i] = state.kind == Projection::sum ? sum : state.count[p] > 0 ? sum / state.count[p] : none;
+            if (state.kind == Projection::sum)
+                to[i] = sum / scale;
+            else if (count == 0)
+                to[i] = none;
+            else
+                to[i] = (state.kind == Projection::std ? std::sqrt(state.extra[p] / count) : sum / count) / scale;
         }
     }
 }

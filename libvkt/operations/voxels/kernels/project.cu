@@ -70,15 +70,28 @@ template <class T, class A> struct Whole {
     __device__ void store(Image const& image, std::int64_t at) const { place(image, at) = sum; }
 };
 
-/// Sums of floats; those of float64 with what each addition lost (Neumaier).
+/// Sums of floats; those of float64 with what each addition lost (Neumaier), and of voxels times a power of two from
+/// where they would overflow on.
 template <class T> struct Real {
     static constexpr bool compensated = std::is_same_v<T, double>;
     double sum = 0, lost = 0;
+    double scale = 1;
     std::int64_t count = 0;
 
+    __device__ void rescale() {
+        sum *= scale_of_sums;
+        lost *= scale_of_sums;
+        scale = scale_of_sums;
+    }
+    /// A voxel times the scale.
     __device__ void take(double w) {
-        double const s = sum + w;
+        double s = sum + w;
         if constexpr (compensated) {
+            if (isinf(s) && isfinite(sum) && isfinite(w)) {
+                rescale();
+                w *= scale_of_sums;
+                s = sum + w;
+            }
             bool const first = fabs(sum) >= fabs(w);
             double const rest = ((first ? sum : w) - s) + (first ? w : sum);
             lost += rest - rest == 0 ? rest : 0; // infinities have none
@@ -89,24 +102,39 @@ template <class T> struct Real {
         using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
         C const v = static_cast<C>(voxel);
         bool const number = v == v;
-        take(static_cast<double>(number ? v : C(0)));
+        double const w = static_cast<double>(number ? v : C(0));
+        take(compensated ? w * scale : w);
         added.counts.nan += number ? 0 : 1;
     }
     /// Of so many voxels, of which so many were no numbers.
     __device__ void added(std::int64_t n, unsigned nan) { count += n - nan; }
-    __device__ void merge(Real const& other) {
-        take(other.sum);
+    __device__ void merge(Real other) {
+        if constexpr (compensated) {
+            if (other.scale < scale) rescale();
+            if (scale < other.scale) other.rescale();
+            double const before = scale;
+            take(other.sum);
+            if (scale < before) other.lost *= scale_of_sums;
+        } else {
+            take(other.sum);
+        }
         lost += other.lost;
         count += other.count;
     }
     __device__ void load(Image const& image, std::int64_t at) {
         sum = image.value[at];
-        if constexpr (compensated) lost = image.extra[at];
+        if constexpr (compensated) {
+            lost = image.extra[at];
+            scale = image.scale[at] == 0 ? 1 : image.scale[at];
+        }
         count = static_cast<std::int64_t>(image.count[at]);
     }
     __device__ void store(Image const& image, std::int64_t at) const {
         image.value[at] = sum;
-        if constexpr (compensated) image.extra[at] = lost;
+        if constexpr (compensated) {
+            image.extra[at] = lost;
+            image.scale[at] = scale == 1 ? 0 : scale;
+        }
         image.count[at] = static_cast<double>(count);
     }
 };
@@ -346,12 +374,10 @@ struct Finish {
         if (image.whole != nullptr) return static_cast<double>(image.whole[p]) / length;
         if (image.wide != nullptr) return driver::wide_as_float<double>(image.wide[p]) / length;
         double const n = image.count[p];
-        if (kind == Projection::std) {
-            double const scale = image.scale == nullptr || image.scale[p] == 0 ? 1 : image.scale[p];
-            return n > 0 ? sqrt(image.extra[p] / n) / scale : nan("");
-        }
+        double const scale = image.scale == nullptr || image.scale[p] == 0 ? 1 : image.scale[p];
         double const sum = image.value[p] + (image.extra == nullptr ? 0 : image.extra[p]);
-        return kind == Projection::sum ? sum : n > 0 ? sum / n : nan("");
+        if (kind == Projection::sum) return sum / scale;
+        return n > 0 ? (kind == Projection::std ? sqrt(image.extra[p] / n) : sum / n) / scale : nan("");
     }
 };
 

@@ -23,7 +23,7 @@ struct ProjectionState {
     double* value = nullptr;       ///< sums of floats; means
     double* extra = nullptr;       ///< what rounding of those of float64 lost; sums of squared deviations
     double* count = nullptr;       ///< values so far: floats, and std
-    double* scale = nullptr;       ///< std of float64: values were multiplied by this power of two, or not if it is 0
+    double* scale = nullptr;       ///< of float64: values were multiplied by this power of two, or not if it is 0
     std::int64_t nan = 0;
 
     // Compiled once, since kernels for newer processors have such a state, too.
@@ -44,6 +44,9 @@ private:
     void point(std::byte* memory);
     Buffer memory_;
 };
+
+/// What float64 is multiplied by when its sum would overflow: lines have fewer than 2^63 voxels.
+inline constexpr double scale_of_sums = 0x1p-64;
 
 /// Adds the voxels of a slab, which follows the last one.
 VKT_KERNEL(project_add, (ProjectionState & state, ConstView slab, Execution const& execution), (state, slab, execution))

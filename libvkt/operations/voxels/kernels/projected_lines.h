@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/voxels/kernels/project.h"
 
 #include <algorithm>
@@ -46,6 +47,22 @@ void for_each_lines(ProjectionState const& state, ConstView in, std::int64_t mos
                                      stride[across], stride[axis], dims[state.axis], at, std::min(most, dims[a] - x)});
                       }
                   });
+}
+
+/// to[j * pixels + i] = from[i * row + j] for i < pixels, j < n; `pixels` is a multiple of every block's edge.
+template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixels, std::int64_t n, T* to) {
+    for_each_size(sizeof(T), [&]<class U>(U) {
+        if constexpr (sizeof(U) == sizeof(T)) {
+            constexpr std::int64_t edge = block_edge<U>;
+            std::int64_t const whole = n / edge * edge;
+            for (std::int64_t i = 0; i < pixels; i += edge)
+                for (std::int64_t j = 0; j < whole; j += edge)
+                    transpose_block(reinterpret_cast<U const*>(from + i * row + j), row,
+                                    reinterpret_cast<U*>(to + j * pixels + i), pixels);
+            for (std::int64_t j = whole; j < n; ++j)
+                for (std::int64_t i = 0; i < pixels; ++i) to[j * pixels + i] = from[i * row + j];
+        }
+    });
 }
 
 /// As many values as fit into a register.
