@@ -255,6 +255,8 @@ double least_effort(RenderSettings const& full) {
     return full.exact ? pixels / 8 : pixels / 2;
 }
 
+double most_effort(RenderSettings const& full) { return full.algorithm == Algorithm::ray_marching ? 0.99 : 1; }
+
 double first_effort(RenderSettings const& full) {
     double work = static_cast<double>(full.width) * full.height;
     if (full.algorithm == Algorithm::multi_scattering) work *= full.samples;
@@ -272,6 +274,7 @@ RenderSettings reduced(RenderSettings const& full, double effort) {
             s.exact = false;
             pixels *= 4;
         }
+        s.shortcut = std::max(full.shortcut, 0.5); // nobody sees half a level
         s.step = std::min(4.0, full.step * std::clamp(1 / pixels, 1.0, 2.0));
         pixels *= s.step / full.step;
     } else if (full.algorithm == Algorithm::multi_scattering) {
@@ -284,11 +287,11 @@ RenderSettings reduced(RenderSettings const& full, double effort) {
     return s;
 }
 
-double next_effort(double effort, double seconds, double target, double least) {
+double next_effort(double effort, double seconds, double target, double least, double most) {
     double const room = target / std::max(seconds, 1e-6);
     if (room > 0.7 && room < 1.6) return effort;
     // Not all of a frame's time follows the effort, so that one measurement is trusted only so far.
-    return std::clamp(effort * std::clamp(room, 0.125, 4.0), least, 1.0);
+    return std::clamp(effort * std::clamp(room, 0.125, 4.0), least, most);
 }
 
 double refined_effort(double effort, double seconds) {

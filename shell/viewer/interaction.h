@@ -72,15 +72,18 @@ std::optional<Box> part_in_box(render::Camera const& camera, std::array<double, 
 /// Effort is the share of the work of a full picture, in [least_effort, 1]. The least is an eighth of the pixels each
 /// way with the longest steps or one path a pixel.
 double least_effort(render::RenderSettings const& full);
+/// The most for a frame of a movement. Ray marching stays below 1, because what is not the full picture leaves out rays
+/// and steps within half a level of a display, and a frame without that could take several times as long.
+double most_effort(render::RenderSettings const& full);
 /// A guess for the first frame: some pixels that any machine draws at once.
 double first_effort(render::RenderSettings const& full);
 
-/// The same picture for about this share of the work: longer steps or fewer paths first, then fewer pixels. Effort 1
-/// changes nothing.
+/// The same picture for about this share of the work, or less: longer steps or fewer paths first, then fewer pixels; in
+/// ray marching rays and steps are left out besides, as --leave-out 0.5 does. Effort 1 changes nothing.
 render::RenderSettings reduced(render::RenderSettings const& full, double effort);
 /// The effort for the next frame of a movement, from what the last one took. Stays as it is near the target, so that
 /// the picture does not change its sharpness with every frame.
-double next_effort(double effort, double seconds, double target, double least);
+double next_effort(double effort, double seconds, double target, double least, double most = 1);
 /// The effort of the next pass over a view that stands still: at once 1 if that is quick, else in steps that together
 /// cost a third more and show something on the way.
 double refined_effort(double effort, double seconds);

@@ -171,7 +171,8 @@ void Painter::draw_frame(Request const& request, double effort) {
         stop = refinement_.get_token();
     }
     render::RenderSettings const full = settings_of(asked_, request.view);
-    effort = std::max(effort, least_effort(full)); // which differs from algorithm to algorithm
+    // Both differ from algorithm to algorithm.
+    effort = std::clamp(effort, least_effort(full), fresh ? most_effort(full) : 1);
     Picture picture;
     try {
         picture = draw(reduced(full, effort), stop);
@@ -185,7 +186,7 @@ void Painter::draw_frame(Request const& request, double effort) {
     }
     if (stop.stop_requested()) return;
     if (fresh) {
-        effort_ = next_effort(effort, picture.seconds, target_, least_effort(full));
+        effort_ = next_effort(effort, picture.seconds, target_, least_effort(full), most_effort(full));
         paths_ = {};
         last_pass_ = 0;
     }

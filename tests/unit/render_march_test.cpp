@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -161,6 +162,34 @@ TEST(RenderMarch, NarrowDomainsKeepTheirDepthForAnyStep) {
         for (double const step : {4.0, 2.0, 0.5, 0.25}) {
             s.step = step;
             EXPECT_NEAR(1 - render_one(ramp, s).center()[3], depth, 0.02 * depth) << step;
+        }
+    }
+}
+
+TEST(RenderMarch, RegistersOfGradientsReflectWithTheBitsOfOne) {
+    ShadeView const shade{0.8F, 0.3F, 0.4F, 2.5F, 0.7F, {1, 2, 0.5F, 0.1F, -0.2F, 0.3F}};
+    LampFrame const frame{{0.1F, -0.9F, 0.4F}, {0.5F, 0.6F, 0.62F}, {0.6F, 0.7F, -0.3F}};
+    Arriving const light{0.7F, 0.9F};
+    constexpr float infinite = std::numeric_limits<float>::infinity();
+    std::vector<float> parts{0,     1e-30F, -3e-5F, 0.3F,     -2,        41,           -1e14F,
+                             3e14F, -1e20F, 3e37F,  infinite, -infinite, std::nanf("")};
+    alignas(64) float x[wide], y[wide], z[wide];
+    for (std::size_t i = 0; i < parts.size() * parts.size(); ++i) {
+        for (std::size_t j = 0; j < wide; ++j) {
+            x[j] = parts[(i + j) % parts.size()], y[j] = parts[(i / parts.size() + 3 * j) % parts.size()];
+            z[j] = parts[(7 * i + 5 * j + 2) % parts.size()];
+        }
+        Floats const gx = in_references(shade, floats_at(x)), gy = in_references(shade, floats_at(y)),
+                     gz = in_references(shade, floats_at(z));
+        auto const eye = headlight(shade, gx, gy, gz, gx * 0.5F - gz, 0.6F, 0.9F, 1.0F);
+        auto const lamp = lamplight(shade, gx, gy, gz, frame.of(gx, gy, gz), light, 0.9F, 1.0F);
+        for (int j = 0; j < wide; ++j) {
+            float const a = in_references(shade, x[j]), b = in_references(shade, y[j]), c = in_references(shade, z[j]);
+            auto const one = headlight(shade, a, b, c, a * 0.5F - c, 0.6F, 0.9F, 1.0F);
+            auto const other = lamplight(shade, a, b, c, frame.of(a, b, c), light, 0.9F, 1.0F);
+            auto const same = [](float p, float q) { return p == q || (std::isnan(p) && std::isnan(q)); };
+            EXPECT_TRUE(same(eye.diffuse[j], one.diffuse) && same(eye.glint[j], one.glint)) << a << b << c;
+            EXPECT_TRUE(same(lamp.diffuse[j], other.diffuse) && same(lamp.glint[j], other.glint)) << a << b << c;
         }
     }
 }

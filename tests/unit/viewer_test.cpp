@@ -221,6 +221,24 @@ TEST(Effort, theWorkIsTheShare) {
     EXPECT_EQ(reduced(tiny, least_effort(tiny)).width, 1);
 }
 
+TEST(Effort, marchingLeavesOutWhatNobodySeesWhileItMoves) {
+    RenderSettings march, iso, coarse;
+    iso.algorithm = render::Algorithm::implicit_iso;
+    coarse.shortcut = 2;
+    EXPECT_LT(most_effort(march), 1);
+    EXPECT_EQ(most_effort(iso), 1);
+    // The size and nearly the steps of the full picture, which leaves out nothing.
+    RenderSettings const moving = reduced(march, most_effort(march));
+    EXPECT_EQ(moving.shortcut, 0.5);
+    EXPECT_EQ(moving.width, march.width);
+    EXPECT_NEAR(moving.step, march.step, 0.02 * march.step);
+    EXPECT_EQ(reduced(march, 1).shortcut, 0);
+    EXPECT_EQ(reduced(iso, 0.5).shortcut, 0);
+    EXPECT_EQ(reduced(coarse, 0.5).shortcut, 2);
+    // However quick it is, the next frame of the movement does the same.
+    EXPECT_EQ(next_effort(moving.shortcut, 1e-3, 0.03, 0.005, most_effort(march)), most_effort(march));
+}
+
 TEST(Effort, findsTheTargetAndStays) {
     // A renderer that needs 5 ms and 2 s for the full picture; then one that is fast enough.
     double effort = 1;

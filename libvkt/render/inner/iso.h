@@ -174,7 +174,8 @@ VKT_HD Radiance lit_element(SceneView const& scene, Ray const& ray, double t, Fl
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
     if (most > 0) g = g * (1.0F / most);
-    LampParts const parts = scene.lamp.on ? lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g) : LampParts{};
+    LampParts<float> const parts =
+        scene.lamp.on ? lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g.x, g.y, g.z) : LampParts<float>{};
     bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
     float const facing = dot(g, to_float(ray.direction));
     Arriving light;
@@ -193,7 +194,7 @@ VKT_HD Radiance lit_element(SceneView const& scene, Ray const& ray, double t, Fl
     // What is no surface is lit by the lamp in any case.
     float const base = unshaded(scene.shade, {1, light.ambient});
     float const along = facing * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
+    Reflection const s = scene.lamp.on ? lamplight(scene.shade, g.x, g.y, g.z, parts, light, base, 0.0F)
                                        : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, base, 0.0F);
     return {iso.red * (s.diffuse + around[0]) + s.glint, iso.green * (s.diffuse + around[1]) + s.glint,
             iso.blue * (s.diffuse + around[2]) + s.glint, 0};

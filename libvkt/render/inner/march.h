@@ -5,6 +5,7 @@
 #include "libvkt/render/inner/cut.h"
 #include "libvkt/render/inner/irradiance.h"
 #include "libvkt/render/inner/occlusion.h"
+#include "libvkt/render/inner/reflection.h"
 #include "libvkt/render/inner/segments.h"
 #include "libvkt/render/inner/sums.h"
 
@@ -24,72 +25,6 @@ VKT_HD bool is_settled(float transmittance, Quad const& light, float patience) {
     float const left = transmittance / patience;
     float const rg = light[1] < light[2] ? light[1] : light[2], least = rg < light[3] ? rg : light[3];
     return left < 5.1e-5F + 7.9e-3F * least && left < 1.9e-4F + 3.22e-3F * least;
-}
-
-/// Brightness of a surface element seen with a light at the eye.
-struct Reflection {
-    float diffuse, glint;
-};
-
-/// Part of a lattice gradient in units of the reference, within what floats can hold the square of. NaN stays.
-VKT_HD float in_references(ShadeView const& shade, float g) {
-    constexpr float limit = 1e15F;
-    float const scaled = g * shade.per_gradient;
-    return scaled < -limit ? -limit : scaled > limit ? limit : scaled;
-}
-
-/// Of what is no surface.
-VKT_HD float unshaded(ShadeView const& shade, Arriving const& light) {
-    return 1.0F + shade.ambient * (light.ambient - 1.0F) + (1.0F - shade.ambient) * (light.lamp - 1.0F);
-}
-
-/// How much of a surface a gradient of this squared length is; one of `reference` is half of one.
-VKT_HD float surface_share(ShadeView const& shade, float squared, float reference) {
-    return squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
-}
-
-/// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
-/// `reference` is shaded half. Of the light from everywhere the share `open` arrives; `base`: brightness of what is no
-/// surface.
-VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float open, float base,
-                            float reference) {
-    float const squared = squared_length(shade, {gx, gy, gz}), surface = surface_share(shade, squared, reference);
-    float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
-    float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
-    float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
-    float const lit = shade.ambient * open + (1.0F - shade.ambient) * std::sqrt(cosine2);
-    return {base + surface * (lit - base), surface * shade.specular * c16 * c16};
-}
-
-/// Parts of a gradient along unit vectors of the world: the ray's, towards the lamp, and halfway from that to the eye.
-struct LampParts {
-    float ray, lamp, half;
-};
-/// Lattice vectors that these parts are dot products with, per smallest spacing.
-struct LampFrame {
-    Float3 ray, lamp, half;
-    VKT_HD LampParts of(Float3 g) const { return {dot(g, ray), dot(g, lamp), dot(g, half)}; }
-};
-VKT_HD LampFrame lamp_frame(SceneView const& scene, Double3 direction, double world_per_lattice) {
-    double const spacing = scene.shade.spacing;
-    Double3 const way = direction * (1 / world_per_lattice); // of unit length in the world
-    double const cosine = -dot(scene.lamp.world, scene.to_world * way), squared = 2 + 2 * cosine;
-    double const per = squared > 1e-12 ? spacing / std::sqrt(squared) : 0;
-    return {to_float(way * spacing), to_float(scene.lamp.lattice * spacing),
-            to_float((scene.lamp.lattice - way) * per)};
-}
-
-/// As headlight(), with a lamp. What faces the eye and not the lamp is dark.
-VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, Arriving const& light, float base,
-                            float reference) {
-    float const squared = squared_length(shade, g), surface = surface_share(shade, squared, reference);
-    bool const faces = parts.ray * parts.lamp < 0;
-    float const per = squared > 0 && faces ? 1.0F / squared : 0.0F;
-    float const ratio = parts.lamp * parts.lamp * per, glancing = parts.half * parts.half * per;
-    float const cosine2 = ratio < 1.0F ? ratio : 1.0F, half2 = glancing < 1.0F ? glancing : 1.0F;
-    float const c4 = half2 * half2, c8 = c4 * c4, c16 = c8 * c8;
-    float const lit = shade.ambient * light.ambient + (1.0F - shade.ambient) * light.lamp * std::sqrt(cosine2);
-    return {base + surface * (lit - base), light.lamp * surface * shade.specular * c16 * c16};
 }
 
 /// Where the segments of a ray lie in a lattice: between the points k * step, the last one ends where the ray does.
@@ -175,6 +110,13 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         bool const seen = look_up_segments<chunk>(scene.table, value, length, lanes, last, means, extinctions, depths);
         known = from + segments;
         if (!seen) return known;
+#ifndef __CUDACC__
+        if (!shaded() && !lit_one_by_one()) {
+            lanes == chunk ? add_unlit<chunk>(means, extinctions, depths)
+                           : add_unlit<group>(means, extinctions, depths);
+            return known;
+        }
+#endif
         if constexpr (chunk > 1)
             for (int k = lanes; k < room; ++k) means[k] = Quad{}, depths[k] = 0;
         int const skipped = chunk > 1 ? none : 0;
@@ -193,46 +135,65 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
     }
 
 #ifndef __CUDACC__
-    /// Adds a group of segments, of which none settles the ray; false if one might, and then nothing was added.
-    /// `diffuse` and `glint`: null for light that shows no surfaces.
-    VKT_HD bool add_all(Quad const* mean, float const* extinction, float const* depth, float const* through,
+    /// Adds a group of segments, up to the one that settles the ray. `diffuse` and `glint`: null for light that shows
+    /// no surfaces.
+    template <int n>
+    VKT_HD void add_all(Quad const* mean, float const* extinction, float const* depth, float const* through,
                         float const* weight, float const* diffuse, float const* glint) {
-        alignas(64) double factor[together];
-        alignas(64) float before[together], share[together], ratio[together];
-        for (int j = 0; j < together; ++j) {
-            double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
-            factor[j] = absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
+        static_assert(n % wide == 0);
+        alignas(64) double factor[n], before[n];
+        alignas(64) float ratio[n], share[n];
+        for (int j = 0; j < n; j += wide / 2) {
+            Doubles const absorbed = doubles_of(weight + j), passed = doubles_of(through + j);
+            store(factor + j, absorbed < 0.5 ? 1 - absorbed : passed); // whichever was rounded less
         }
+        keep_in_memory(factor);
         double left = transmittance;
 #pragma GCC unroll 32
-        for (int j = 0; j < together; ++j) {
-            before[j] = static_cast<float>(left);
+        for (int j = 0; j < n; ++j) {
+            before[j] = left;
             left *= factor[j];
         }
+        Floats const zero{};
+        for (int j = 0; j < n; j += wide) {
+            Floats const part = floats_of(before + j) * floats_at(weight + j);
+            Floats const seen = diffuse != nullptr ? part * floats_at(diffuse + j) : part;
+            Ints const shows = floats_at(depth + j) > zero;
+            store(ratio + j, shows ? seen / floats_at(extinction + j) : zero);
+            if (glint != nullptr) store(share + j, shows ? part * floats_at(glint + j) : zero);
+        }
+        keep_in_memory(ratio);
+        Quad sum = light;
+        auto const add_one = [&](int j) __attribute__((always_inline)) {
+            sum = sum + mean[j] * ratio[j];
+            if (glint != nullptr) sum = sum + Quad{0, share[j], share[j], share[j]};
+        };
         // It only ever becomes less.
         auto const rounded = static_cast<float>(left);
-        if (!is_bright(rounded, scene.patience)) return false;
-        transmittance = left;
-        passing = rounded;
-        for (int j = 0; j < together; ++j) share[j] = before[j] * weight[j];
-        for (int j = 0; j < together; ++j) {
-            float const seen = diffuse != nullptr ? share[j] * diffuse[j] : share[j];
-            ratio[j] = depth[j] > 0 ? seen / extinction[j] : 0.0F;
-        }
-        Quad sum = light;
-        if (glint == nullptr) {
+        if (is_bright(rounded, scene.patience)) {
 #pragma GCC unroll 32
-            for (int j = 0; j < together; ++j) sum = sum + mean[j] * ratio[j];
-        } else {
-            for (int j = 0; j < together; ++j) share[j] = depth[j] > 0 ? share[j] * glint[j] : 0.0F;
-#pragma GCC unroll 32
-            for (int j = 0; j < together; ++j) {
-                float const g = share[j];
-                sum = sum + mean[j] * ratio[j] + Quad{0, g, g, g};
-            }
+            for (int j = 0; j < n; ++j) add_one(j);
+            transmittance = left, passing = rounded, light = sum;
+            return;
         }
-        light = sum;
-        return true;
+        for (int j = 0; j < n; ++j) {
+            if (!(depth[j] > 0)) continue;
+            add_one(j);
+            transmittance = before[j] * factor[j];
+            passing = static_cast<float>(transmittance);
+            light = sum;
+            if (settled()) return;
+        }
+    }
+    /// The same of light that shows no surfaces.
+    template <int n> VKT_HD void add_unlit(Quad const* mean, float const* extinction, float const* depth) {
+        alignas(64) float through[n], weight[n];
+        for (int j = 0; j < n; ++j) {
+            Attenuation const a = attenuation(depth[j]);
+            through[j] = a.transmitted;
+            weight[j] = a.absorbed;
+        }
+        add_all<n>(mean, extinction, depth, through, weight, nullptr, nullptr);
     }
 #endif
 
@@ -287,15 +248,30 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             shaded && scene.lamp.on
                 ? lamp_frame(scene, Double3{direction.x, direction.y, direction.z}, static_cast<double>(world))
                 : LampFrame{};
-        auto const reflect = [&](int j, bool by_lamp, Arriving const& arriving, float base)
-            __attribute__((always_inline)) {
-            Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
-                           in_references(scene.shade, gz[j])};
-            Reflection const s = by_lamp ? lamplight(scene.shade, g, lamp.of(g), arriving, base, 1.0F)
-                                         : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing,
-                                                     arriving.ambient, base, 1.0F);
+        auto const reflection = [&]<class F>(F x, F y, F z, bool by_lamp, Arriving const& arriving, float base,
+                                             float reference) __attribute__((always_inline)) {
+            return by_lamp ? lamplight(scene.shade, x, y, z, lamp.of(x, y, z), arriving, base, reference)
+                           : headlight(scene.shade, x, y, z, (x * toward.x + y * toward.y + z * toward.z) * per_spacing,
+                                       arriving.ambient, base, reference);
+        };
+        auto const reflect = [&](int j, Arriving const& arriving, float base) __attribute__((always_inline)) {
+            Reflection const s = reflection(in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
+                                            in_references(scene.shade, gz[j]), scene.lamp.on, arriving, base, 1.0F);
             diffuse[j] = s.diffuse;
             glint[j] = s.glint;
+        };
+        auto const reflect_all = [&](bool by_lamp) __attribute__((always_inline)) {
+#ifdef __CUDACC__
+            for (int j = 0; j < together; ++j) reflect(j, {}, 1.0F);
+#else
+            for (int j = 0; j < together; j += wide) {
+                auto const s = reflection(in_references(scene.shade, floats_at(gx + j)),
+                                          in_references(scene.shade, floats_at(gy + j)),
+                                          in_references(scene.shade, floats_at(gz + j)), by_lamp, {}, 1.0F, 1.0F);
+                store(diffuse + j, s.diffuse);
+                store(glint + j, s.glint);
+            }
+#endif
         };
         // The face by which the ray enters is a surface as well.
         auto const share_of_face = [&](int j) __attribute__((always_inline)) {
@@ -310,10 +286,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
                 float const share = share_of_face(j);
                 if (!(share > 0)) return;
                 Float3 const g = cut.normal;
-                Reflection const face = scene.lamp.on
-                                            ? lamplight(scene.shade, g, lamp.of(g), arriving, base, 0.0F)
-                                            : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing,
-                                                        arriving.ambient, base, 0.0F);
+                Reflection const face = reflection(g.x, g.y, g.z, scene.lamp.on, arriving, base, 0.0F);
                 diffuse[j] += share * (face.diffuse - diffuse[j]);
                 glint[j] += share * (face.glint - glint[j]);
             }
@@ -325,15 +298,16 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
                 return shaded && static_cast<float>(comb.point(from)) < cut.reach;
         };
         bool const at_face = is_cut();
-        // Loops of their own, which vectorise.
         bool const at_once = shaded && !one_by_one;
-        for (int j = 0; j < together && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
-        for (int j = 0; j < together && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
+        if (at_once && scene.lamp.on) reflect_all(true);
+        if (at_once && !scene.lamp.on) reflect_all(false);
         for (int j = 0; j < segments && at_once && at_face; ++j) cut_by_face(j, {}, 1.0F);
 #ifndef __CUDACC__ // it has one segment
-        if (!one_by_one &&
-            add_all(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr, shaded ? glint : nullptr))
+        if (!one_by_one) {
+            add_all<together>(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr,
+                              shaded ? glint : nullptr);
             return;
+        }
 #endif
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
@@ -353,7 +327,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
                     }
                     float const base = unshaded(scene.shade, arriving);
                     diffuse[j] = base, glint[j] = 0;
-                    if (shaded) reflect(j, scene.lamp.on, arriving, base);
+                    if (shaded) reflect(j, arriving, base);
                     if (at_face) cut_by_face(j, arriving, base);
                 }
             float const share = passing * weight[j];

@@ -37,11 +37,11 @@ struct ShadeView {
 };
 
 /// Squared length of a lattice gradient, per smallest spacing.
-VKT_HD float squared_length(ShadeView const& shade, Float3 g) {
+template <class F> VKT_HD F squared_length(ShadeView const& shade, F x, F y, F z) {
     float const* const m = shade.metric;
-    return m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z +
-           m[5] * g.y * g.z;
+    return m[0] * x * x + m[1] * y * y + m[2] * z * z + m[3] * x * y + m[4] * x * z + m[5] * y * z;
 }
+VKT_HD float squared_length(ShadeView const& shade, Float3 g) { return squared_length(shade, g.x, g.y, g.z); }
 
 /// Diffuse light of an environment, by colour: that on a surface is a polynomial of second order in its normal, as its
 /// irradiance is but for small parts (Ramamoorthi and Hanrahan, An Efficient Representation for Irradiance Environment

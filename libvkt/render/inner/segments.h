@@ -72,6 +72,7 @@ VKT_HD bool look_up_segments(TableView const& table, float const* value, float c
         bool const passes = any_of((over != zero) | (over_from != zero)); // an end of the table
         alignas(64) std::int32_t row[wide];
         store(row, first * 2);
+        keep_in_memory(row);
         Floats m[4];
         auto const quarter = [&]<int q>(std::integral_constant<int, q>) __attribute__((always_inline)) {
             std::int32_t const* const at = row + q * quads;

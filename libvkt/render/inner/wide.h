@@ -6,6 +6,7 @@
 #include "libvkt/render/inner/intrinsics.h"
 #include "libvkt/render/inner/vector.h"
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -50,6 +51,33 @@ VKT_HD Ints ints_at(std::int32_t const* p) {
 VKT_HD void store(float* p, Floats a) { std::memcpy(p, &a, sizeof a); }
 VKT_HD void store(double* p, Doubles a) { std::memcpy(p, &a, sizeof a); }
 VKT_HD void store(std::int32_t* p, Ints a) { std::memcpy(p, &a, sizeof a); }
+/// Half a register of floats at p as doubles, and a register of them from doubles at p.
+VKT_HD Doubles doubles_of(float const* p) {
+    using Half = float __attribute__((vector_size(2 * wide)));
+    Half a;
+    std::memcpy(&a, p, sizeof a);
+    return __builtin_convertvector(a, Doubles);
+}
+VKT_HD Floats floats_of(double const* p) {
+    using Both = double __attribute__((vector_size(8 * wide)));
+    Both a;
+    std::memcpy(&a, p, sizeof a);
+    return __builtin_convertvector(a, Floats);
+}
+/// From here on an array is read from memory: compilers take its numbers out of the registers that they were stored
+/// from, one by one, which takes longer.
+template <class T, std::size_t n> VKT_HD void keep_in_memory(T (&numbers)[n]) { asm("" : "+m"(numbers)); }
+VKT_HD Floats select(Ints first, Floats a, Floats b) { return first ? a : b; }
+VKT_HD Floats square_root(Floats a) {
+#if defined(__AVX512F__)
+    return _mm512_sqrt_ps(a);
+#elif defined(__AVX2__)
+    return _mm256_sqrt_ps(a);
+#else
+    for (int i = 0; i < wide; ++i) a[i] = std::sqrt(a[i]);
+    return a;
+#endif
+}
 VKT_HD Ints whole(Floats a) { return __builtin_convertvector(a, Ints); }
 VKT_HD Floats real(Ints a) { return __builtin_convertvector(a, Floats); }
 
@@ -114,9 +142,13 @@ VKT_HD Floats firsts(Floats a, Floats b, Floats c, Floats d) {
 }
 /// A group of four in every place; the last one.
 VKT_HD Floats spread_of(Quad q) {
-    Floats a;
-    for (int i = 0; i < wide / 4; ++i) std::memcpy(reinterpret_cast<char*>(&a) + 16 * i, &q, 16);
-    return a;
+#if defined(__AVX512F__)
+    return _mm512_broadcast_f32x4(q);
+#elif defined(__AVX2__)
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(q), q, 1);
+#else
+    return q;
+#endif
 }
 VKT_HD Quad last_quad(Floats a) {
     Quad q;
