@@ -193,14 +193,15 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
                 camera.target = b.right * middle(b.right) + b.up * middle(b.up) + b.forward * depth;
             }
         }
-        // Around the target, as if that had been asked for.
-        for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0})
-            half_height = std::max(half_height, margin * (shown.reach(way) - dot(camera.target, way)));
+        if (!perspective && !request.span) // around the target
+            for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0})
+                half_height = std::max(half_height, margin * (shown.reach(way) - dot(camera.target, way)));
     }
     // A target far in front of the volume must not put the eye behind itself.
     distance = std::max(distance, 1e-3 * radius);
     camera.eye = request.eye.value_or(camera.target - b.forward * (perspective ? distance : 2 * radius + distance));
-    camera.height = request.span.value_or(2 * half_height) / request.zoom;
+    camera.height = perspective ? 2 * tangent * length(camera.target - camera.eye)
+                                : request.span.value_or(2 * half_height) / request.zoom;
     return camera;
 }
 

@@ -16,13 +16,13 @@ namespace vkt::render {
 
 enum class Projection : std::uint8_t { perspective, orthographic };
 
-/// Seen from eye towards target; up need not be perpendicular. height is what the image spans vertically in the world
-/// at the target's distance (orthographic) or twice the tangent of half the field of view (perspective).
+/// Seen from eye towards target; up need not be perpendicular. height is what the image spans vertically in the world,
+/// in perspective at the target's distance, where it follows from the others.
 struct Camera {
     Vec3 eye{0, 0, 1}, target{0, 0, 0}, up{0, 1, 0};
     Projection projection = Projection::perspective;
     double fov = 30;   ///< vertical, in degrees, in (0, 180); perspective only
-    double height = 1; ///< orthographic only, world units
+    double height = 1; ///< world units; decides in orthographic projection only
 };
 
 /// What the default camera shows: all that the transfer function lets see, or the whole box of the volume.

@@ -1,4 +1,4 @@
-// The part of a volume that a picture is to show: the furthest visible part in a direction is found best first.
+// The part of a volume that a picture is to show: by branch and bound.
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/content.h"
 
@@ -18,20 +18,6 @@ constexpr double nothing = -std::numeric_limits<double>::infinity();
 
 } // namespace
 
-/// A row of macrocells from one of them on, or a cube of parts.
-struct VisibleContent::Node {
-    double bound;             ///< nothing in it reaches further
-    Index3 lower;             ///< parts; of a row the macrocell that reaches furthest
-    std::int64_t edge, other; ///< parts, 0 of a row; of a row its last macrocell on the other side
-    bool whole;               ///< all of it counts as visible
-
-    /// Of what reaches as far, the smallest comes first: it may be the answer.
-    bool operator<(Node const& b) const {
-        auto const size = [](Node const& n) { return n.edge > 0 ? n.edge : std::numeric_limits<std::int64_t>::max(); };
-        return bound < b.bound || (bound == b.bound && size(*this) > size(b));
-    }
-};
-
 CellParts parts_of(Lattice const& lattice, bool by_voxels) {
     CellGrid const& grid = lattice.cells;
     CellParts parts;
@@ -42,8 +28,8 @@ CellParts parts_of(Lattice const& lattice, bool by_voxels) {
     parts.origin = {-steps, -steps, -steps};
     parts.size = macrocell_size * steps;
     parts.width = 1.0 / static_cast<double>(steps);
-    parts.range = [&lattice, by_voxels](Index3 lower, std::int64_t edge) {
-        Index3 first = lower, last = lower + Index3{edge, edge, edge};
+    parts.range = [&lattice, by_voxels](Box const& part) {
+        Index3 first = part.lower, last = part.upper;
         for (int axis = 0; axis < 3 && by_voxels; ++axis) first[axis] = (first[axis] + 1) >> 1, last[axis] >>= 1;
         return range_of_voxels(lattice.view, lattice.dims, first, last);
     };
@@ -59,7 +45,7 @@ CellParts parts_of(Tree const& tree) {
     parts.size = halves(cells.size);
     parts.width = 0.5;
     parts.first = -0.5;
-    parts.range = [&tree](Index3 lower, std::int64_t edge) { return tree.range_of_part(lower, edge); };
+    parts.range = [&tree](Box const& part) { return tree.range_of_part(part); };
     return parts;
 }
 
@@ -86,74 +72,115 @@ bool VisibleContent::visible(Index3 cell) const {
     return by_extinction ? cells_.majorant[at] > 0 : cells_.distance[at] == 0;
 }
 
-/// Unless the parts [lower, upper) that it takes lie outside of what is shown.
-void VisibleContent::add(std::vector<Node>& heap, Node node, Index3 lower, Index3 upper, Vec3 direction) const {
-    auto const place = [&](std::int64_t part) { return parts_.first + parts_.width * static_cast<double>(part); };
-    node.bound = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-        double const from = std::max(lower_[axis], place(lower[axis])), to = std::min(upper_[axis], place(upper[axis]));
-        if (!(from < to)) return;
-        node.bound += std::max(direction[axis] * from, direction[axis] * to);
-    }
-    heap.push_back(node);
-    std::push_heap(heap.begin(), heap.end());
-}
+/// The furthest visible part in a direction: rows of macrocells in the order of how far they may reach, and each of
+/// their macrocells divided, as far as it may reach further than what was found.
+class VisibleContent::Search {
+public:
+    Search(VisibleContent const& content, Vec3 direction)
+        : content_(content), parts_(content.parts_), direction_(direction) {}
 
-/// A row of macrocells from the nearest one in the direction to the last one on the other side; both are visible.
-void VisibleContent::add_row(std::vector<Node>& heap, Index3 near, std::int64_t other, Vec3 direction) const {
-    Index3 lower, upper;
-    for (int axis = 0; axis < 3; ++axis) {
-        std::int64_t const least = axis == 0 ? std::min(near.x, other) : near[axis],
-                           most = axis == 0 ? std::max(near.x, other) : near[axis];
-        lower[axis] = parts_.origin[axis] + parts_.size * least;
-        upper[axis] = parts_.origin[axis] + parts_.size * (most + 1);
+    double run() {
+        heap_.reserve(content_.rows_.size());
+        for (Row const& row : content_.rows_) {
+            Index3 near = row.first;
+            std::int64_t far = row.last;
+            if (direction_.x > 0) std::swap(near.x, far);
+            heap_.push_back(rest_of_row(near, far));
+        }
+        std::make_heap(heap_.begin(), heap_.end());
+        while (!heap_.empty() && heap_.front().bound > best_) {
+            std::pop_heap(heap_.begin(), heap_.end());
+            Rest const rest = heap_.back();
+            heap_.pop_back();
+            Index3 next = rest.near;
+            look_into(part_of(next), parts_.size);
+            if (next.x == rest.far) continue;
+            std::int64_t const way = rest.far > next.x ? 1 : -1;
+            do next.x += way;
+            while (!content_.visible(next));
+            heap_.push_back(rest_of_row(next, rest.far));
+            std::push_heap(heap_.begin(), heap_.end());
+        }
+        return best_;
     }
-    add(heap, {0, near, 0, other, false}, lower, upper, direction);
-}
 
-/// Adds what a node consists of.
-void VisibleContent::divide(std::vector<Node>& heap, Node const& node, Vec3 direction) const {
-    auto const add_cube = [&](Index3 lower, std::int64_t edge, bool whole) {
-        add(heap, {0, lower, edge, 0, whole}, lower, lower + Index3{edge, edge, edge}, direction);
+private:
+    /// Of a row of macrocells, from the one that may reach furthest to the last one on the other side; both are
+    /// visible.
+    struct Rest {
+        double bound;
+        Index3 near;
+        std::int64_t far;
+        bool operator<(Rest const& b) const { return bound < b.bound; }
     };
-    if (node.edge == 0) {
-        Index3 lower, next = node.lower;
-        for (int axis = 0; axis < 3; ++axis) lower[axis] = parts_.origin[axis] + parts_.size * next[axis];
-        add_cube(lower, parts_.size, false);
-        if (next.x == node.other) return;
-        std::int64_t const way = node.other > next.x ? 1 : -1;
-        do next.x += way;
-        while (!visible(next));
-        add_row(heap, next, node.other, direction);
-        return;
-    }
-    std::int64_t const half = node.edge / 2;
-    for (int i = 0; i < 8; ++i) {
-        Index3 const lower = node.lower + Index3{(i & 1) * half, (i >> 1 & 1) * half, (i >> 2 & 1) * half};
-        PartRange const range = parts_.range(lower, half);
-        if (range.lowest <= range.highest && seen_(range.lowest, range.highest))
-            add_cube(lower, half, half == 1 || range.final);
-    }
-}
 
-double VisibleContent::reach_in_voxels(Vec3 direction) const {
-    std::vector<Node> heap;
-    heap.reserve(rows_.size());
-    for (Row const& row : rows_) {
-        Index3 near = row.cell;
-        std::int64_t other = row.last;
-        if (direction.x > 0) std::swap(near.x, other);
-        add_row(heap, near, other, direction);
+    Index3 part_of(Index3 cell) const {
+        Index3 part;
+        for (int axis = 0; axis < 3; ++axis) part[axis] = parts_.origin[axis] + parts_.size * cell[axis];
+        return part;
     }
-    while (!heap.empty()) {
-        std::pop_heap(heap.begin(), heap.end());
-        Node const node = heap.back();
-        heap.pop_back();
-        if (node.whole) return node.bound;
-        divide(heap, node, direction);
+    double place(std::int64_t part) const { return parts_.first + parts_.width * static_cast<double>(part); }
+
+    /// How far parts reach along each axis, and altogether; lowest if they lie outside of what is shown.
+    double bound_of(Box const& parts, Vec3& along) const {
+        double sum = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            double const from = std::max(content_.lower_[axis], place(parts.lower[axis])),
+                         to = std::min(content_.upper_[axis], place(parts.upper[axis]));
+            if (!(from < to)) return nothing;
+            along[axis] = std::max(direction_[axis] * from, direction_[axis] * to);
+            sum += along[axis];
+        }
+        return sum;
     }
-    return nothing;
-}
+    Rest rest_of_row(Index3 near, std::int64_t far) const {
+        Index3 first = near, last = near;
+        first.x = std::min(near.x, far), last.x = std::max(near.x, far);
+        Vec3 along;
+        return {bound_of({part_of(first), part_of(last + Index3{1, 1, 1})}, along), near, far};
+    }
+
+    /// Those of a cube's parts that may reach further than what was found.
+    Box further(Box part, Vec3 along, double bound) const {
+        for (int axis = 0; axis < 3; ++axis) {
+            if (direction_[axis] == 0) continue;
+            // The others give what they can; this one has to reach here.
+            double const least = (best_ - (bound - along[axis])) / direction_[axis];
+            double const at = (least - parts_.first) / parts_.width;
+            if (direction_[axis] > 0 && at > static_cast<double>(part.lower[axis]))
+                part.lower[axis] = std::min(static_cast<std::int64_t>(std::floor(at)), part.upper[axis] - 1);
+            if (direction_[axis] < 0 && at < static_cast<double>(part.upper[axis]))
+                part.upper[axis] = std::max(static_cast<std::int64_t>(std::ceil(at)), part.lower[axis] + 1);
+        }
+        return part;
+    }
+
+    void look_into(Index3 lower, std::int64_t edge) {
+        Box const cube{lower, lower + Index3{edge, edge, edge}};
+        Vec3 along;
+        double const bound = bound_of(cube, along);
+        if (!(bound > best_)) return;
+        PartRange const range = parts_.range(best_ > nothing ? further(cube, along, bound) : cube);
+        if (!(range.lowest <= range.highest) || !content_.seen_(range.lowest, range.highest)) return;
+        if (edge <= std::max<std::int64_t>(1, range.resolution)) {
+            best_ = bound;
+            return;
+        }
+        std::int64_t const half = edge / 2;
+        for (int i = 0; i < 8; ++i) { // the one that may reach furthest comes first
+            int const k = i ^ (direction_.x > 0 ? 1 : 0) ^ (direction_.y > 0 ? 2 : 0) ^ (direction_.z > 0 ? 4 : 0);
+            look_into(lower + Index3{(k & 1) * half, (k >> 1 & 1) * half, (k >> 2 & 1) * half}, half);
+        }
+    }
+
+    VisibleContent const& content_;
+    CellParts const& parts_;
+    Vec3 direction_;
+    std::vector<Rest> heap_;
+    double best_ = nothing;
+};
+
+double VisibleContent::reach_in_voxels(Vec3 direction) const { return Search(*this, direction).run(); }
 
 bool VisibleContent::any() const { return reach_in_voxels({1, 0, 0}) > nothing; }
 

@@ -18,8 +18,8 @@ struct CellParts {
     Index3 counts, origin;       ///< macrocells, and the part that they begin with
     std::int64_t size = 1;       ///< parts along a macrocell
     double width = 1, first = 0; ///< in voxels
-    /// What is interpolated in a cube of parts, within one macrocell, lies in this range.
-    std::function<PartRange(Index3 lower, std::int64_t edge)> range;
+    /// What is interpolated in a box of parts, within one macrocell, lies in this range.
+    std::function<PartRange(Box const&)> range;
 };
 /// Those of a lattice, down to a cell of it between voxels, or if it is drawn voxel by voxel to half a voxel; and of a
 /// tree, down to half a cell. What they are made of has to stay.
@@ -42,16 +42,13 @@ public:
     std::vector<Vec3> corners() const;
 
 private:
-    struct Node;
+    class Search;
     struct Row {
-        Index3 cell; ///< of macrocells; the first visible one
+        Index3 first; ///< visible macrocell
         std::int64_t last;
     };
     /// In voxels, along a direction of them; lowest if there is nothing.
     double reach_in_voxels(Vec3 direction) const;
-    void add(std::vector<Node>& heap, Node node, Index3 lower, Index3 upper, Vec3 direction) const;
-    void add_row(std::vector<Node>& heap, Index3 near, std::int64_t other, Vec3 direction) const;
-    void divide(std::vector<Node>& heap, Node const& node, Vec3 direction) const;
     bool visible(Index3 cell) const;
 
     CellVisibility const& cells_;

@@ -138,7 +138,7 @@ PartRange range_of_voxels(LatticeView const& lattice, Index3 dims, Index3 first,
                 }
             }
     });
-    range.final = range.lowest == range.highest;
+    if (range.lowest == range.highest) range.resolution = macrocell_size;
     return range;
 }
 

@@ -25,7 +25,7 @@ CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads);
 /// Values of a part of a volume; lowest > highest where there is no data.
 struct PartRange {
     float lowest = 0, highest = 0;
-    bool final = false; ///< those of smaller parts tell no more
+    std::int64_t resolution = 1; ///< those of smaller parts than cubes so wide tell no more
 };
 /// Of these voxels, both ends included; of the padding those count that are next to the volume.
 PartRange range_of_voxels(LatticeView const& lattice, Index3 dims, Index3 first, Index3 last);

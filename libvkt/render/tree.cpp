@@ -221,8 +221,8 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
 
 /// Where cells of different width meet, blocks are sampled at the finest ones' centres, of which the first that a wider
 /// cell does not reach is half of one beyond its end.
-PartRange Tree::range_of_part(Index3 lower, std::int64_t edge) const {
-    return render::range_of_part(sampler_, type_, cells_, lower, edge, blocks_.empty() ? 0 : 0.5);
+PartRange Tree::range_of_part(Box const& part) const {
+    return render::range_of_part(sampler_, type_, cells_, part, blocks_.empty() ? 0 : 0.5);
 }
 
 double Tree::value_at(Vec3 position) const {

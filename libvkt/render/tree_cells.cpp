@@ -27,22 +27,22 @@ struct Span {
 /// A hair more than what rounding does to positions.
 constexpr double slack = 1.0 / 1024;
 
-/// Of cells that weigh something in a cube.
+/// Of cells that weigh something in a box.
 struct Values {
     float lowest = std::numeric_limits<float>::infinity(), highest = -std::numeric_limits<float>::infinity();
     bool missing = false, some = false;
 
-    /// Those of a brick with cells so wide, in a cube of finest cells that is larger by `more` on every side.
+    /// Those of a brick with cells so wide, in a box of finest cells that is larger by `more` on every side.
     template <class T>
-    void add(T const* cells, Brick const& brick, Index3 w, double const* cube, double size, double more) {
+    void add(T const* cells, Brick const& brick, Index3 w, double const* box, double const* size, double more) {
         Index3 first, last;
         for (int a = 0; a < 3; ++a) {
             // Cell i weighs something between the centres of its neighbours: lower + (i - 0.5) w and … (i + 1.5) w.
-            double const lower = cube[a] - static_cast<double>(brick.lower[a]);
+            double const lower = box[a] - static_cast<double>(brick.lower[a]);
             auto const width = static_cast<double>(w[a]), edge = static_cast<double>(brick.dims[a] - 1);
             first[a] = static_cast<std::int64_t>(std::clamp(std::ceil((lower - more) / width - 1.5), 0.0, edge + 1));
             last[a] =
-                static_cast<std::int64_t>(std::clamp(std::floor((lower + size + more) / width + 0.5), -1.0, edge));
+                static_cast<std::int64_t>(std::clamp(std::floor((lower + size[a] + more) / width + 0.5), -1.0, edge));
             if (first[a] > last[a]) return;
         }
         some = true;
@@ -201,7 +201,8 @@ private:
             covered *= overlap(brick.lower[a], brick.lower[a] + brick.dims[a] * w[a], cell, a);
         }
         Values values{grid.lowest[at], grid.highest[at]};
-        values.add(cells, brick, w, lower, cells_.size, slack);
+        double const size[3] = {cells_.size, cells_.size, cells_.size};
+        values.add(cells, brick, w, lower, size, slack);
         grid.lowest[at] = values.lowest, grid.highest[at] = values.highest;
         if (values.missing) grid.missing[at] = 1;
         return covered;
@@ -223,19 +224,21 @@ TreeCells make_tree_cells(TreeSampler const& sampler, LatticeType type, Box cons
     return cells;
 }
 
-PartRange range_of_part(TreeSampler const& sampler, LatticeType type, TreeCells const& cells, Index3 lower,
-                        std::int64_t edge, double more) {
+PartRange range_of_part(TreeSampler const& sampler, LatticeType type, TreeCells const& cells, Box const& part,
+                        double more) {
     BrickTable const& bricks = sampler.volume().bricks();
     Index3 const dims = sampler.volume().header().dims;
-    double const size = 0.5 * static_cast<double>(edge);
-    double cube[3];
-    for (int a = 0; a < 3; ++a) cube[a] = 0.5 * static_cast<double>(lower[a]);
+    double lower[3], size[3];
+    for (int a = 0; a < 3; ++a) {
+        lower[a] = 0.5 * static_cast<double>(part.lower[a]);
+        size[a] = 0.5 * static_cast<double>(part.dims()[a]);
+    }
     auto const cell = [&](double place, double origin) {
         return static_cast<std::int64_t>(std::floor((place - origin) / cells.size));
     };
     auto const at = static_cast<std::size_t>(
-        (cell(cube[2], cells.origin.z) * cells.grid.ny + cell(cube[1], cells.origin.y)) * cells.grid.nx +
-        cell(cube[0], cells.origin.x));
+        (cell(lower[2], cells.origin.z) * cells.grid.ny + cell(lower[1], cells.origin.y)) * cells.grid.nx +
+        cell(lower[0], cells.origin.x));
     auto const widest = [&](Brick const& brick) {
         Index3 const w = cell_width(dims, brick.level);
         return std::max({w.x, w.y, w.z});
@@ -253,13 +256,14 @@ PartRange range_of_part(TreeSampler const& sampler, LatticeType type, TreeCells 
         named([&](std::size_t b) {
             values.some = false;
             double const margin = finest < widest(bricks[b]) ? more * static_cast<double>(finest) : 0;
-            values.add(all + sampler.volume().brick_offset(b), bricks[b], cell_width(dims, bricks[b].level), cube, size,
+            values.add(all + sampler.volume().brick_offset(b), bricks[b], cell_width(dims, bricks[b].level), lower,
+                       size,
                        margin - slack); // where cells end they weigh nothing
             if (values.some) width = std::min(width, widest(bricks[b]));
         });
     });
     values.widen();
-    return {values.lowest, values.highest, edge <= width};
+    return {values.lowest, values.highest, width};
 }
 
 } // namespace vkt::render
