@@ -82,7 +82,7 @@ TEST(RenderGoal, ToleranceBoundsTheErrorOfEdges) {
         Image const image = render::render(volume, s, default_execution(), &report);
         Apart const off = apart(image, reference, tolerance);
         EXPECT_LE(off.above, 16) << tolerance; // 1 %
-        EXPECT_LT(off.most, 6 * tolerance);   // of the few that the estimate misses
+        EXPECT_LT(off.most, 6 * tolerance);    // of the few that the estimate misses
         EXPECT_LT(off.rms, tolerance / 2);
         EXPECT_EQ(report.quality.above, 0);
         EXPECT_LE(report.quality.worst, tolerance);
