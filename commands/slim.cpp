@@ -10,6 +10,7 @@
 #include "shell/short_number.h"
 
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace vkt::shell {
@@ -70,6 +71,15 @@ private:
                            short_number(found.rms_error),
                            found.pictures > 0 ? text(", FLIP ", short_number(found.flip)) : std::string(),
                            "; the smallest of ", found.tried, " models tried"));
+        std::string ends;
+        auto const add = [&](char const* where, std::optional<CutEnd> const& cut) {
+            if (cut)
+                ends += text(ends.empty() ? "values " : " and ", where, " ", short_number(cut->value), " (",
+                             short_number(100 * cut->share), " % of the voxels)");
+        };
+        add("below", found.below);
+        add("above", found.above);
+        if (!ends.empty()) context_.note(ends + " are cut off");
         context_.note(text("made by: ", found.made));
     }
 
@@ -118,7 +128,8 @@ Command slim_command() {
         {"No more of a volume than a picture or a result needs.",
          "Models of the volume, the smallest first, are put through the pipeline as it is given, and the first whose "
          "picture (or result) differs by at most --within anywhere is written: cut to what is seen or read, in a "
-         "smaller type, over the values that matter, at a lower resolution, as bricks that are fine only where they "
+         "smaller type, over the values that matter with both ends cut off as far as they do not, at a lower "
+         "resolution, as bricks that are fine only where they "
          "have to be. What "
          "was saved and what it differs by (the most, the root mean square, and of pictures FLIP) are measured and "
          "said; where nothing smaller holds, the voxels are those of "

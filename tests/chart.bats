@@ -353,6 +353,14 @@ assert abs(found["max_abs"] - points["nearest"]["max_error"]) <= 1e-6 * found["m
     [[ "$stderr" == *"as exact"* ]]
 }
 
+@test "a bound that is none is refused, by its name and with what it may be" {
+    fails_with 2 "--within -1 is not a finite number >= 0" vkt chart 'filter gaussian --sigma 2' noise.nrrd --within=-1
+    fails_with 2 "--within inf% is not a finite number >= 0" vkt chart 'filter gaussian --sigma 2' noise.nrrd --within inf%
+    fails_with 2 "with % a share of their range" vkt chart 'filter gaussian --sigma 2' noise.nrrd --within inf
+    fails_with 2 "--within: '5x' is not a number" vkt chart 'filter gaussian --sigma 2' noise.nrrd --within 5x
+    fails_with 2 "--within: 'x' is not a number" vkt chart 'filter gaussian --sigma 2' noise.nrrd --within x%
+}
+
 # with_path_of PROGRAM…: a folder `only`, for a PATH that leads to nothing but vkt and these.
 with_path_of() {
     mkdir -p only

@@ -51,6 +51,58 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
     vkt history slim.vkt --as-shell | grep -q 'crop --roi .* | vkt convert --dtype auto'
 }
 
+# valley.nrrd: int16, 8000 at both ends of x and -8000 in the middle, in steps of 32; 8 bits over all of them are steps
+# of 63.
+valley() {
+    vkt make ramp --dims 1001 12 12 --axis x --from -500 --to 500 --dtype int16 | vkt transform 'abs(v) * 32 - 8000' --dtype int16 -o valley.nrrd
+}
+
+@test "both ends of the values are cut off where a picture does not show them" {
+    valley
+    local narrow="render --size 800x40 --fov 2 --domain 100:200 --opacity 0,0.5 --unit-distance 1 --eye 500,-1500,6 --target 500,6,6"
+    vkt slim valley.nrrd --for "$narrow" --within 0.5 -o slim.vkt 2>said
+    cat said >&3
+    grep -q 'values below .* (.* % of the voxels) and above .* (.* % of the voxels) are cut off' said
+    vkt history slim.vkt --as-shell | grep -q 'convert --dtype uint8 --range'
+    look="$narrow" levels_apart valley.nrrd slim.vkt >apart
+    [ "$(cat apart)" -le 1 ] # levels are rounded in files
+}
+
+@test "both ends of the values are cut off where a result is not made of them, and the integers between are kept" {
+    valley
+    while read -r work; do
+        vkt slim valley.nrrd --for "$work" --within 0 -o slim.vkt --force 2>said
+        vkt info slim.vkt | grep -q uint8
+        cat said >&3
+        grep -q 'values below .* cut off' said
+        vkt pipe -q "read valley.nrrd | $work | write a.vkt" --force
+        vkt pipe -q "read slim.vkt | $work | write b.vkt" --force
+        vkt convert --dtype int32 a.vkt a32.vkt --force
+        vkt convert --dtype int32 b.vkt b32.vkt --force
+        vkt diff a32.vkt b32.vkt
+        # What is told of the ends is what NumPy counts.
+        vkt convert valley.nrrd --dtype int16 -o valley.npy --force -q
+        /usr/bin/python3 -c '
+import re, numpy as np
+values = np.load("valley.npy").astype(float)
+said = open("said").read()
+
+def end(where):
+    value, share = map(float, re.search(where + r" (\S+) \((\S+) %", said).groups())
+    far = values < value if where == "below" else values > value
+    assert abs(100 * far.mean() - share) < 0.1, said
+    return value
+assert end("above") == end("below") + 255, said'
+    done <<'END'
+arith clamp - 104 300
+filter median --radius 1 | arith clamp - 500 700
+END
+    # Where every value counts nothing is cut off.
+    vkt slim valley.nrrd --for 'flip x' --within 0 -o all.vkt 2>said
+    vkt diff valley.nrrd all.vkt
+    run ! grep 'cut off' said
+}
+
 @test "FLIP is told, as vkt image diff finds it in the pictures" {
     ball
     vkt slim ball.nrrd --for "$look" --within 30 -o slim.vkt 2>said

@@ -101,33 +101,49 @@ double azimuth_of(CameraRequest const& request) { return view_of(request).azimut
 
 namespace {
 
-/// What points span across the directions of a camera.
+/// What is shown spans this along a direction of a camera.
 struct Extent {
-    double low = std::numeric_limits<double>::infinity(), high = -std::numeric_limits<double>::infinity();
-    void add(double v) { low = std::min(low, v), high = std::max(high, v); }
+    double low, high;
     double middle() const { return std::midpoint(low, high); }
-    double half() const { return (high - low) / 2; }
 };
 
-/// The eye from which all points are just within a frustum, and as near as can be, in the camera's directions: every
-/// side of the frustum touches a point where it can. `tangents` are of half its angles.
+/// The eye from which all that is shown is just within a frustum, and as near as can be, in the camera's directions:
+/// every side of the frustum touches some of it where it can. `tangents` are of half its angles.
 struct Placed {
     double right, up, forward;
 };
-Placed tightest(std::span<Vec3 const> points, Basis const& b, double across, double upward) {
-    Extent right, left, above, below;
-    for (Vec3 const& p : points) {
-        double const x = dot(p, b.right), y = dot(p, b.up), z = dot(p, b.forward);
-        right.add(x - across * z), left.add(-x - across * z);
-        above.add(y - upward * z), below.add(-y - upward * z);
-    }
-    return {(right.high - left.high) / 2, (above.high - below.high) / 2,
-            std::min(-(right.high + left.high) / (2 * across), -(above.high + below.high) / (2 * upward))};
+Placed tightest(Shown const& shown, Basis const& b, double across, double upward) {
+    auto const furthest = [&](Vec3 way, double tangent) { return shown.reach(way - b.forward * tangent); };
+    double const right = furthest(b.right, across), left = furthest(b.right * -1.0, across),
+                 above = furthest(b.up, upward), below = furthest(b.up * -1.0, upward);
+    return {(right - left) / 2, (above - below) / 2,
+            std::min(-(right + left) / (2 * across), -(above + below) / (2 * upward))};
+}
+
+Extent extent_of(Shown const& shown, Vec3 direction) {
+    return {-shown.reach(direction * -1.0), shown.reach(direction)};
 }
 
 } // namespace
 
-Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, double aspect) {
+double ShownPoints::reach(Vec3 direction) const {
+    double furthest = -std::numeric_limits<double>::infinity();
+    for (Vec3 const& p : points_) furthest = std::max(furthest, dot(p, direction));
+    return furthest;
+}
+
+double ShownPoints::radius(Vec3 from) const {
+    double radius = 0;
+    for (Vec3 const& p : points_) radius = std::max(radius, length(p - from));
+    return radius;
+}
+
+bool follows_content(CameraRequest const& request) {
+    bool const sized = request.projection == Projection::perspective || request.span;
+    return !(request.eye && request.target && sized);
+}
+
+Camera make_camera(CameraRequest const& request, Shown const& shown, double aspect) {
     if (!(request.fov > 0 && request.fov < 180))
         throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
     if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
@@ -136,58 +152,56 @@ Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, d
     check_finite(request.eye, "eye");
     check_finite(request.target, "target");
     check_finite(request.up, "up direction");
-    Extent x, y, z;
-    for (Vec3 const& p : points) x.add(p.x), y.add(p.y), z.add(p.z);
-    Vec3 const centre{x.middle(), y.middle(), z.middle()};
+    auto const middle = [&](Vec3 direction) { return extent_of(shown, direction).middle(); };
+    Vec3 const centre =
+        request.target ? *request.target : Vec3{middle({1, 0, 0}), middle({0, 1, 0}), middle({0, 0, 1})};
 
     Camera camera;
     camera.projection = request.projection;
     double const tangent =
         std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
     camera.fov = 2 * std::atan(tangent) * 180 / std::numbers::pi;
-    camera.target = request.target.value_or(centre);
+    camera.target = centre;
     View const view = view_of(request);
     camera.up = request.up.value_or(view.up);
     if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
 
-    // Far enough that every corner is in the picture: for each corner the least distance of the eye along the axis.
     Basis const b = basis_of(request.eye ? camera.target - *request.eye : view.side * -1.0, camera.up);
     double const base = std::tan(radians(request.fov) / 2);
-    double distance = 0, half_height = 0, radius = 0;
-    for (Vec3 const& point : points) {
-        Vec3 const c = point - camera.target;
-        double const side = std::abs(dot(c, b.right)) / aspect, height = std::abs(dot(c, b.up)),
-                     depth = dot(c, b.forward);
-        distance = std::max(distance, std::max(side, height) * margin / base - depth);
-        half_height = std::max(half_height, std::max(side, height) * margin);
-        radius = std::max(radius, std::sqrt(dot(c, c)));
-    }
+    Vec3 const across = b.right * (1 / aspect);
+    bool const centred = !request.steady && !request.eye && !request.target,
+               perspective = request.projection == Projection::perspective;
+    double const radius = shown.radius(camera.target);
+    double distance = 0, half_height = 0;
+    if (!request.eye && !request.steady && !(centred && perspective)) // far enough that all is in the picture
+        for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0}) {
+            Vec3 const side = way * (margin / base) - b.forward;
+            distance = std::max(distance, shown.reach(side) - dot(camera.target, side));
+        }
     if (request.steady) { // and any turn of it
         double const limit = std::sin(std::atan(base * std::min(1.0, aspect)));
         distance = radius * margin / limit;
         half_height = radius * margin / std::min(1.0, aspect);
-    } else if (!request.eye && !request.target) {
-        if (request.projection == Projection::perspective) {
-            Placed const eye = tightest(points, b, base * aspect / margin, base / margin);
+    } else {
+        if (centred) {
             double const depth = dot(centre, b.forward);
-            camera.target = b.right * eye.right + b.up * eye.up + b.forward * depth;
-            distance = depth - eye.forward;
-            half_height = 0; // around the new target, as if that had been asked for
-            for (Vec3 const& p : points)
-                half_height = std::max({half_height, margin * std::abs(dot(p - camera.target, b.right)) / aspect,
-                                        margin * std::abs(dot(p - camera.target, b.up))});
-        } else {
-            Extent across, upward;
-            for (Vec3 const& p : points) across.add(dot(p, b.right)), upward.add(dot(p, b.up));
-            camera.target = b.right * across.middle() + b.up * upward.middle() + b.forward * dot(centre, b.forward);
-            half_height = margin * std::max(across.half() / aspect, upward.half());
+            if (perspective) {
+                Placed const eye = tightest(shown, b, base * aspect / margin, base / margin);
+                camera.target = b.right * eye.right + b.up * eye.up + b.forward * depth;
+                distance = depth - eye.forward;
+            } else {
+                camera.target = b.right * middle(b.right) + b.up * middle(b.up) + b.forward * depth;
+            }
         }
+        if (!perspective && !request.span) // around the target
+            for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0})
+                half_height = std::max(half_height, margin * (shown.reach(way) - dot(camera.target, way)));
     }
     // A target far in front of the volume must not put the eye behind itself.
     distance = std::max(distance, 1e-3 * radius);
-    camera.eye = request.eye.value_or(
-        camera.target - b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance));
-    camera.height = request.span.value_or(2 * half_height) / request.zoom;
+    camera.eye = request.eye.value_or(camera.target - b.forward * (perspective ? distance : 2 * radius + distance));
+    camera.height = perspective ? 2 * tangent * length(camera.target - camera.eye)
+                                : request.span.value_or(2 * half_height) / request.zoom;
     return camera;
 }
 

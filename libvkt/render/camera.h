@@ -10,18 +10,19 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace vkt::render {
 
 enum class Projection : std::uint8_t { perspective, orthographic };
 
-/// Seen from eye towards target; up need not be perpendicular. height is what the image spans vertically in the world
-/// at the target's distance (orthographic) or twice the tangent of half the field of view (perspective).
+/// Seen from eye towards target; up need not be perpendicular. height is what the image spans vertically in the world,
+/// in perspective at the target's distance, where it follows from the others.
 struct Camera {
     Vec3 eye{0, 0, 1}, target{0, 0, 0}, up{0, 1, 0};
     Projection projection = Projection::perspective;
     double fov = 30;   ///< vertical, in degrees, in (0, 180); perspective only
-    double height = 1; ///< orthographic only, world units
+    double height = 1; ///< world units; decides in orthographic projection only
 };
 
 /// What the default camera shows: all that the transfer function lets see, or the whole box of the volume.
@@ -47,9 +48,34 @@ std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box);
 /// Degrees around z of the view that is asked for.
 double azimuth_of(CameraRequest const& request);
 
-/// Shows all of the points with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown
+/// What a camera is to show, in the world.
+class Shown {
+public:
+    virtual ~Shown() = default;
+    /// The greatest dot product of a direction, of any length, with a place in it.
+    virtual double reach(Vec3 direction) const = 0;
+    /// Of a ball around a place that holds it all.
+    virtual double radius(Vec3 from) const = 0;
+};
+
+class ShownPoints : public Shown {
+public:
+    explicit ShownPoints(std::span<Vec3 const> points) : points_(points.begin(), points.end()) {}
+    double reach(Vec3 direction) const override;
+    double radius(Vec3 from) const override;
+
+private:
+    std::vector<Vec3> points_;
+};
+
+/// Shows all of it with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown
 /// views, an eye on the target, or values out of range.
-Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, double aspect);
+Camera make_camera(CameraRequest const& request, Shown const& shown, double aspect);
+inline Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, double aspect) {
+    return make_camera(request, ShownPoints(points), aspect);
+}
+/// Whether a camera depends on what is to be shown.
+bool follows_content(CameraRequest const& request);
 
 /// The camera in the lattice of a volume, in which the centre of the first cell is at (first, first, first).
 RayFrame frame_of(Camera const& camera, Geometry const& geometry, double first, int width, int height);

@@ -122,6 +122,31 @@ CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads) {
     return grid;
 }
 
+PartRange range_of_voxels(LatticeView const& lattice, Index3 dims, Index3 first, Index3 last) {
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    PartRange range{infinity, -infinity};
+    for (int axis = 0; axis < 3; ++axis) last[axis] = std::min(last[axis], dims[axis]);
+    with_lattice_type(lattice.type, [&]<class T>(T) {
+        for (std::int64_t z = first.z; z <= last.z; ++z)
+            for (std::int64_t y = first.y; y <= last.y; ++y) {
+                T const* const row = static_cast<T const*>(lattice.data) + lattice_padding +
+                                     (y + lattice_padding) * lattice.row + (z + lattice_padding) * lattice.slice;
+                for (std::int64_t x = first.x; x <= last.x; ++x) {
+                    auto const v = static_cast<float>(row[x]);
+                    range.lowest = v < range.lowest ? v : range.lowest;
+                    range.highest = v > range.highest ? v : range.highest;
+                }
+            }
+    });
+    if (range.lowest == range.highest) range.resolution = macrocell_size;
+    return range;
+}
+
+bool meets(std::vector<IsoView> const& isos, float lowest, float highest) {
+    return std::any_of(isos.begin(), isos.end(),
+                       [&](IsoView const& iso) { return lowest < iso.value && highest >= iso.value; });
+}
+
 CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table) {
     CellVisibility result;
     std::size_t const n = grid.lowest.size();
@@ -148,8 +173,7 @@ CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& 
     result.distance.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
         bool visible = grid.missing[i] != 0 || !(grid.lowest[i] <= grid.highest[i]); // a hole is on neither side
-        for (IsoView const& iso : isos)
-            visible = visible || (grid.lowest[i] < iso.value && grid.highest[i] >= iso.value);
+        visible = visible || meets(isos, grid.lowest[i], grid.highest[i]);
         result.distance[i] = visible ? 0 : 255;
     }
     measure(grid, result);

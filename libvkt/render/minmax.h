@@ -22,6 +22,14 @@ struct CellGrid {
 /// Ranges of a padded lattice whose inner dims are given. Ignores NaN.
 CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads);
 
+/// Values of a part of a volume; lowest > highest where there is no data.
+struct PartRange {
+    float lowest = 0, highest = 0;
+    std::int64_t resolution = 1; ///< those of smaller parts than cubes so wide tell no more
+};
+/// Of these voxels, both ends included; of the padding those count that are next to the volume.
+PartRange range_of_voxels(LatticeView const& lattice, Index3 dims, Index3 first, Index3 last);
+
 /// What a transfer function or iso-values make of the grid.
 struct CellVisibility {
     std::vector<float> majorant;
@@ -30,6 +38,8 @@ struct CellVisibility {
     std::int64_t visible_count = 0;
     int first[3] = {0, 0, 0}, last[3] = {-1, -1, -1}; ///< box of the visible cells; empty if there is none
 };
+/// Whether one of the surfaces lies between values of this range.
+bool meets(std::vector<IsoView> const& isos, float lowest, float highest);
 CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table);
 CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& isos);
 /// Labels: all that is not this value can be seen.

@@ -243,6 +243,33 @@ std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Image const& pict
     return layers;
 }
 
+Camera Renderer::camera_of(RenderSettings const& settings, Prepared const& ready) const {
+    double const aspect = static_cast<double>(settings.width) / settings.height;
+    Box shown = region_; // a grid may hold more than the part of a tree that there is
+    if (!settings.clip.empty()) {
+        Box const clip = settings.clip.resolve(header_.dims);
+        shown = intersect(shown, clip);
+        if (shown.empty()) shown = clip;
+    }
+    // What projections show is everywhere.
+    if (settings.camera.fit == Fit::content && !is_projection(settings.algorithm) && follows_content(settings.camera)) {
+        Appearance const& appearance = ready.appearance;
+        bool const labels = appearance.labels != nullptr,
+                   surfaces = settings.algorithm == Algorithm::implicit_iso && !labels;
+        auto const seen = [&](float lowest, float highest) {
+            if (labels) return lowest < appearance.labels->nothing || highest > appearance.labels->nothing;
+            if (surfaces) return meets(appearance.isos, lowest, highest);
+            return ready.table.greatest_extinction(lowest, highest) > 0;
+        };
+        VisibleContent const content(ready.cells, tree_ ? parts_of(*tree_) : parts_of(lattice_, labels), seen,
+                                     header_.geometry, shown);
+        if (content.any())
+            return settings.camera.steady ? make_camera(settings.camera, content.corners(), aspect)
+                                          : make_camera(settings.camera, content, aspect);
+    }
+    return make_camera(settings.camera, corners_of(header_.geometry, shown), aspect);
+}
+
 Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
                      Accumulation* accumulation, bool in_passes) const {
     check(settings);
@@ -264,28 +291,9 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     CellVisibility const& cells = ready->cells;
     Tree::Visibility const& bricks = ready->bricks;
     bool const labels = appearance.labels != nullptr;
-    bool const surfaces = settings.algorithm == Algorithm::implicit_iso || labels;
-    Box content = region_;
-    // What projections show is everywhere.
-    bool const projected = is_projection(settings.algorithm);
-    if (settings.camera.fit == Fit::content && !projected)
-        content = tree_ ? tree_->box_of(cells) : visible_box(cells, header_.dims);
-    // A grid may hold more than the part of a tree that there is.
-    if (content = intersect(content, region_); content.empty()) content = region_;
-    if (!settings.clip.empty()) {
-        Box const clip = settings.clip.resolve(header_.dims);
-        Box const within = intersect(content, clip);
-        content = within.empty() ? clip : within;
-    }
-    std::vector<Vec3> points;
-    if (settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
-        points = visible_corners(cells, tree_ ? places_of(tree_->cells()) : places_of(lattice_.cells), header_.geometry,
-                                 content);
-    if (points.empty()) {
-        auto const corners = corners_of(header_.geometry, content);
-        points.assign(corners.begin(), corners.end());
-    }
-    Camera const camera = make_camera(settings.camera, points, static_cast<double>(settings.width) / settings.height);
+    bool const surfaces = settings.algorithm == Algorithm::implicit_iso || labels,
+               projected = is_projection(settings.algorithm);
+    Camera const camera = camera_of(settings, *ready);
     SceneView scene = scene_of(settings, appearance, camera);
     scene.projection = settings.algorithm == Algorithm::minimum ? Projected::least
                        : settings.algorithm == Algorithm::mean  ? Projected::mean

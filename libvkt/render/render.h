@@ -239,6 +239,8 @@ private:
     /// What was asked for and cannot be seen, one line each.
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
+    /// Frames what can be seen, if the camera follows that; otherwise all that is shown.
+    Camera camera_of(RenderSettings const& settings, Prepared const& ready) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
     /// Those of the picture that `drawing` drew with another integrator; `tree` is that of a hierarchical volume.
     std::vector<Layer> layers_of(Drawing const& drawing, Image const& picture, Integrator integrator,

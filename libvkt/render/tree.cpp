@@ -219,15 +219,10 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     return result;
 }
 
-Box Tree::box_of(CellVisibility const& cells) const {
-    Box box;
-    double const origin[3] = {cells_.origin.x, cells_.origin.y, cells_.origin.z};
-    for (int a = 0; a < 3; ++a) {
-        box.lower[a] = static_cast<std::int64_t>(origin[a] + cells_.size * cells.first[a]);
-        box.upper[a] = static_cast<std::int64_t>(origin[a] + cells_.size * (cells.last[a] + 1));
-    }
-    box = intersect(box, region_);
-    return box.empty() ? region_ : box;
+/// Where cells of different width meet, blocks are sampled at the finest ones' centres, of which the first that a wider
+/// cell does not reach is half of one beyond its end.
+PartRange Tree::range_of_part(Box const& part) const {
+    return render::range_of_part(sampler_, type_, cells_, part, blocks_.empty() ? 0 : 0.5);
 }
 
 double Tree::value_at(Vec3 position) const {

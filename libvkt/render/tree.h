@@ -63,8 +63,8 @@ public:
     /// Of those that are left after joining.
     std::size_t brick_count() const { return sampler_.bricks().size(); }
     TreeCells const& cells() const { return cells_; }
-    /// Finest cells of the visible macrocells; the region if there is none.
-    Box box_of(CellVisibility const& cells) const;
+    /// Of what rays can meet in a box within a macrocell, in halves of finest cells.
+    PartRange range_of_part(Box const& part) const;
 
 private:
     struct Survey;

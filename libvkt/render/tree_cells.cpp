@@ -27,6 +27,45 @@ struct Span {
 /// A hair more than what rounding does to positions.
 constexpr double slack = 1.0 / 1024;
 
+/// Of cells that weigh something in a box.
+struct Values {
+    float lowest = std::numeric_limits<float>::infinity(), highest = -std::numeric_limits<float>::infinity();
+    bool missing = false, some = false;
+
+    /// Those of a brick with cells so wide, in a box of finest cells that is larger by `more` on every side.
+    template <class T>
+    void add(T const* cells, Brick const& brick, Index3 w, double const* box, double const* size, double more) {
+        Index3 first, last;
+        for (int a = 0; a < 3; ++a) {
+            // Cell i weighs something between the centres of its neighbours: lower + (i - 0.5) w and … (i + 1.5) w.
+            double const lower = box[a] - static_cast<double>(brick.lower[a]);
+            auto const width = static_cast<double>(w[a]), edge = static_cast<double>(brick.dims[a] - 1);
+            first[a] = static_cast<std::int64_t>(std::clamp(std::ceil((lower - more) / width - 1.5), 0.0, edge + 1));
+            last[a] =
+                static_cast<std::int64_t>(std::clamp(std::floor((lower + size[a] + more) / width + 0.5), -1.0, edge));
+            if (first[a] > last[a]) return;
+        }
+        some = true;
+        float low = lowest, high = highest;
+        for (std::int64_t z = first.z; z <= last.z; ++z)
+            for (std::int64_t y = first.y; y <= last.y; ++y) {
+                T const* const row = cells + (z * brick.dims.y + y) * brick.dims.x;
+                for (std::int64_t x = first.x; x <= last.x; ++x) {
+                    auto const v = static_cast<float>(row[x]);
+                    low = v < low ? v : low;
+                    high = v > high ? v : high;
+                    missing = missing || !(v == v);
+                }
+            }
+        lowest = low, highest = high;
+    }
+    /// A weighted mean passes its ends by a few roundings.
+    void widen() {
+        float const largest = std::max(std::abs(lowest), std::abs(highest));
+        if (lowest <= highest) lowest -= 4e-7F * largest, highest += 4e-7F * largest;
+    }
+};
+
 class Builder {
 public:
     Builder(TreeSampler const& sampler, Box const& region, TreeCells& cells)
@@ -102,10 +141,9 @@ public:
             }
             if (cells_.first[at] == cells_.first[at + 1]) continue;
             if (covered < wanted(cell)) grid.missing[at] = 1; // the surface of a hole is one of what is there
-            // A weighted mean passes its ends by a few roundings.
-            float const largest = std::max(std::abs(grid.lowest[at]), std::abs(grid.highest[at]));
-            if (!(grid.lowest[at] <= grid.highest[at])) continue;
-            grid.lowest[at] -= 4e-7F * largest, grid.highest[at] += 4e-7F * largest;
+            Values values{grid.lowest[at], grid.highest[at]};
+            values.widen();
+            grid.lowest[at] = values.lowest, grid.highest[at] = values.highest;
         }
     }
 
@@ -157,32 +195,16 @@ private:
     template <class T> double add(T const* cells, Brick const& brick, Index3 cell, std::size_t at) {
         CellGrid& grid = cells_.grid;
         Index3 const w = cell_width(dims_, brick.level);
-        Index3 first, last;
-        double covered = 1;
+        double lower[3], covered = 1;
         for (int a = 0; a < 3; ++a) {
-            // Cell i weighs something between the centres of its neighbours: lower + (i - 0.5) w and … (i + 1.5) w.
-            double const lower = static_cast<double>(start_[a]) + static_cast<double>(cell[a]) * cells_.size -
-                                 static_cast<double>(brick.lower[a]);
-            auto const width = static_cast<double>(w[a]), edge = static_cast<double>(brick.dims[a] - 1);
-            first[a] = static_cast<std::int64_t>(std::clamp(std::ceil((lower - slack) / width - 1.5), 0.0, edge + 1));
-            last[a] = static_cast<std::int64_t>(
-                std::clamp(std::floor((lower + cells_.size + slack) / width + 0.5), -1.0, edge));
+            lower[a] = static_cast<double>(start_[a]) + static_cast<double>(cell[a]) * cells_.size;
             covered *= overlap(brick.lower[a], brick.lower[a] + brick.dims[a] * w[a], cell, a);
         }
-        float low = grid.lowest[at], high = grid.highest[at];
-        bool missing = false;
-        for (std::int64_t z = first.z; z <= last.z; ++z)
-            for (std::int64_t y = first.y; y <= last.y; ++y) {
-                T const* const row = cells + (z * brick.dims.y + y) * brick.dims.x;
-                for (std::int64_t x = first.x; x <= last.x; ++x) {
-                    auto const v = static_cast<float>(row[x]);
-                    low = v < low ? v : low;
-                    high = v > high ? v : high;
-                    missing = missing || !(v == v);
-                }
-            }
-        grid.lowest[at] = low, grid.highest[at] = high;
-        if (missing) grid.missing[at] = 1;
+        Values values{grid.lowest[at], grid.highest[at]};
+        double const size[3] = {cells_.size, cells_.size, cells_.size};
+        values.add(cells, brick, w, lower, size, slack);
+        grid.lowest[at] = values.lowest, grid.highest[at] = values.highest;
+        if (values.missing) grid.missing[at] = 1;
         return covered;
     }
 
@@ -200,6 +222,48 @@ TreeCells make_tree_cells(TreeSampler const& sampler, LatticeType type, Box cons
     builder.name_bricks();
     with_lattice_type(type, [&]<class T>(T) { builder.template find_ranges<T>(sampler, threads); });
     return cells;
+}
+
+PartRange range_of_part(TreeSampler const& sampler, LatticeType type, TreeCells const& cells, Box const& part,
+                        double more) {
+    BrickTable const& bricks = sampler.volume().bricks();
+    Index3 const dims = sampler.volume().header().dims;
+    double lower[3], size[3];
+    for (int a = 0; a < 3; ++a) {
+        lower[a] = 0.5 * static_cast<double>(part.lower[a]);
+        size[a] = 0.5 * static_cast<double>(part.dims()[a]);
+    }
+    auto const cell = [&](double place, double origin) {
+        return static_cast<std::int64_t>(std::floor((place - origin) / cells.size));
+    };
+    auto const at = static_cast<std::size_t>(
+        (cell(lower[2], cells.origin.z) * cells.grid.ny + cell(lower[1], cells.origin.y)) * cells.grid.nx +
+        cell(lower[0], cells.origin.x));
+    auto const widest = [&](Brick const& brick) {
+        Index3 const w = cell_width(dims, brick.level);
+        return std::max({w.x, w.y, w.z});
+    };
+    auto const named = [&](auto const& visit) {
+        for (std::int64_t k = cells.first[at]; k < cells.first[at + 1]; ++k)
+            visit(static_cast<std::size_t>(cells.bricks[static_cast<std::size_t>(k)]));
+    };
+    std::int64_t finest = std::numeric_limits<std::int64_t>::max();
+    named([&](std::size_t b) { finest = std::min(finest, widest(bricks[b])); });
+    Values values;
+    std::int64_t width = std::numeric_limits<std::int64_t>::max(); // halves of finest cells are half of it
+    with_lattice_type(type, [&]<class T>(T) {
+        auto const* const all = reinterpret_cast<T const*>(sampler.volume().buffer().read(Space::host));
+        named([&](std::size_t b) {
+            values.some = false;
+            double const margin = finest < widest(bricks[b]) ? more * static_cast<double>(finest) : 0;
+            values.add(all + sampler.volume().brick_offset(b), bricks[b], cell_width(dims, bricks[b].level), lower,
+                       size,
+                       margin - slack); // where cells end they weigh nothing
+            if (values.some) width = std::min(width, widest(bricks[b]));
+        });
+    });
+    values.widen();
+    return {values.lowest, values.highest, width};
 }
 
 } // namespace vkt::render

@@ -25,4 +25,10 @@ struct TreeCells {
 /// per 8 cells (but 262144). Time grows with the cells.
 TreeCells make_tree_cells(TreeSampler const& sampler, LatticeType type, Box const& region, int threads);
 
+/// Of what can be sampled in a box within a macrocell, in halves of finest cells; the resolution is half of the
+/// narrowest cell that reaches into it. `more`: wider cells than the finest ones there reach further by so many of
+/// these.
+PartRange range_of_part(TreeSampler const& sampler, LatticeType type, TreeCells const& cells, Box const& part,
+                        double more);
+
 } // namespace vkt::render

@@ -26,6 +26,7 @@ using Words = std::vector<std::string>;
 
 constexpr double preview_share = 0.25; ///< of a picture's width and height
 constexpr double hopeless = 4;         ///< times the limit, in a preview
+constexpr double share_of_cut = 0.25;  ///< of what is allowed, for what is cut off: of the box, and of the values
 
 Volume made(Volume volume, std::vector<Words> const& stages) {
     for (auto const& words : stages) volume = vkt::apply(words, {volume});
@@ -87,6 +88,7 @@ public:
         model.seconds_before = seconds(volume_);
         model.seconds = best.stages.empty() ? model.seconds_before : seconds(chosen);
         model.volume = std::move(chosen);
+        tell_ends(model, best.stages);
         return model;
     }
 
@@ -118,7 +120,7 @@ private:
     }
 
     /// Types, with the values as they are, or with the range that matters spread over integers.
-    std::vector<std::vector<Words>> conversions() const {
+    std::vector<std::vector<Words>> conversions() {
         std::vector<std::vector<Words>> result{{}};
         DataType const type = volume_.header().dtype;
         Extremes const extremes = extremes_of(volume_);
@@ -135,8 +137,95 @@ private:
             for (char const* const name : {"uint8", "uint16"})
                 if (size_of(type) > size_of(parse_data_type(name)))
                     result.push_back({{"convert", "--dtype", name, "--range", *domain}});
+        if (size_of(type) > 1 && width > 0)
+            if (auto const kept = values_needed(extremes))
+                for (char const* const name : {"uint8", "uint16"})
+                    if (size_of(type) > size_of(parse_data_type(name)))
+                        result.push_back({{"convert", "--dtype", name, "--range", range_of(*kept, name)}});
         if (size_of(type) > 2) result.push_back({{"convert", "--dtype", "float16"}});
         return result;
+    }
+
+    /// Physical values.
+    struct ValueRange {
+        double low = 0, high = 0;
+        friend bool operator==(ValueRange const&, ValueRange const&) = default;
+    };
+
+    /// The values that the picture, or the result, is made of: each end is moved inwards as far as it may. None if that
+    /// is all of them.
+    std::optional<ValueRange> values_needed(Extremes const& stored) {
+        ValueMap const& map = volume_.header().values;
+        double const a = map.slope * stored.low + map.intercept, b = map.slope * stored.high + map.intercept;
+        ValueRange const all{std::min(a, b), std::max(a, b)};
+        ValueRange kept = all;
+        // What is kept above decides how closely one has to look below, once more.
+        for (bool const upper : {false, true, false}) narrow(kept, upper);
+        // What a preview leaves out may be made of more.
+        for (double const part : {0.0, 1.0 / 16, 0.25, 1.0}) {
+            double const margin = part * (kept.high - kept.low);
+            ValueRange const wider{std::max(kept.low - margin, all.low), std::min(kept.high + margin, all.high)};
+            if (wider == all) return {};
+            if (compared(reference_, chain_.run(clamped(wider), request_.execution)).max_abs <=
+                share_of_cut * request_.within)
+                return wider;
+        }
+        return {};
+    }
+
+    /// Moves one end inwards until what more could be cut off is little of what is kept.
+    void narrow(ValueRange& kept, bool upper) {
+        constexpr double little = 1.0 / 256;
+        double const sign = upper ? -1 : 1, start = upper ? kept.high : kept.low, width = kept.high - kept.low;
+        double good = 0, bad = width; // to cut off
+        for (double cut = little * width; bad - good > little * (width - good); cut = good + (bad - good) / 2) {
+            ValueRange part = kept;
+            (upper ? part.high : part.low) = start + sign * cut;
+            bool const unseen = difference_in_preview(clamped(part)) <= share_of_cut * request_.within;
+            (unseen ? good : bad) = cut;
+        }
+        (upper ? kept.high : kept.low) = start + sign * good;
+    }
+
+    Volume clamped(ValueRange const& range) const {
+        return vkt::apply({"arith", "clamp", "-", to_text(range.low), to_text(range.high)}, {volume_});
+    }
+
+    /// As a word. Of integers that are no more than the type tells apart, every one is kept as it is.
+    std::string range_of(ValueRange range, char const* type) const {
+        Header const& header = volume_.header();
+        double const step = std::abs(header.values.slope), codes = highest_of(parse_data_type(type));
+        if (is_integer(header.dtype)) {
+            double const first = std::floor((range.low - header.values.intercept) / step),
+                         last = std::ceil((range.high - header.values.intercept) / step);
+            if (last - first <= codes)
+                range = {header.values.intercept + step * first, header.values.intercept + step * (first + codes)};
+        }
+        return text(to_text(range.low), ":", to_text(range.high));
+    }
+
+    /// Of the values in the model's part of the volume, what its integers do not hold but for their rounding.
+    void tell_ends(SlimModel& model, std::vector<Words> const& stages) const {
+        Header const& header = model.volume.header();
+        if (!is_integer(header.dtype)) return;
+        double const slope = header.values.slope;
+        double const a = slope * lowest_of(header.dtype) + header.values.intercept,
+                     b = slope * highest_of(header.dtype) + header.values.intercept;
+        double const low = std::min(a, b), high = std::max(a, b), rounding = 0.501 * std::abs(slope);
+        bool const part = !stages.empty() && stages.front().front() == "crop";
+        Volume const wide = in_float64(part ? made(volume_, {stages.front()}) : volume_);
+        auto const* const values = reinterpret_cast<double const*>(wide.view().data);
+        std::int64_t const voxels = wide.header().voxels();
+        ValueMap const& map = wide.header().values;
+        std::int64_t below = 0, above = 0;
+        for (std::int64_t i = 0; i < voxels; ++i) {
+            double const value = map.slope * values[i] + map.intercept;
+            below += value < low - rounding ? 1 : 0;
+            above += value > high + rounding ? 1 : 0;
+        }
+        auto const share = [&](std::int64_t n) { return static_cast<double>(n) / static_cast<double>(voxels); };
+        if (below > 0) model.below = CutEnd{low, share(below)};
+        if (above > 0) model.above = CutEnd{high, share(above)};
     }
 
     /// The values that the colours of a picture span, if they are named as two numbers.
@@ -186,7 +275,9 @@ private:
     std::vector<Box> visible() {
         Header const& header = volume_.header();
         Box box = box_of(header.dims);
-        auto const unseen = [&](Box const& part) { return difference_in_preview(part) <= 0.25 * request_.within; };
+        auto const unseen = [&](Box const& part) {
+            return difference_in_preview(cropped(part)) <= share_of_cut * request_.within;
+        };
         for (int axis = 0; axis < 3; ++axis)
             for (bool const upper : {false, true}) {
                 std::int64_t good = 0, bad = box.dims()[axis]; // slices to cut off
@@ -203,8 +294,8 @@ private:
         for (std::int64_t margin = 1; margin <= 8; margin *= 2) {
             Box const wider = intersect(grow(box, {margin, margin, margin}), box_of(header.dims));
             if (wider == box_of(header.dims)) return {};
-            Volume const cut = vkt::apply({"crop", "--roi", to_text(wider)}, {volume_});
-            if (compared(reference_, chain_.run(cut, request_.execution)).max_abs <= 0.25 * request_.within)
+            if (compared(reference_, chain_.run(cropped(wider), request_.execution)).max_abs <=
+                share_of_cut * request_.within)
                 return {wider};
         }
         return {};
@@ -232,9 +323,12 @@ private:
         }
     }
 
-    double difference_in_preview(Box const& part) {
-        Volume const cut = vkt::apply({"crop", "--roi", to_text(part)}, {volume_});
-        return compared(preview_, chain_.run(cut, request_.execution, {false, preview_share})).max_abs;
+    Volume cropped(Box const& part) const { return vkt::apply({"crop", "--roi", to_text(part)}, {volume_}); }
+
+    /// Of volumes there is no preview but the whole.
+    double difference_in_preview(Volume const& model) {
+        if (!draws_) return compared(reference_, chain_.run(model, request_.execution)).max_abs;
+        return compared(preview_, chain_.run(model, request_.execution, {false, preview_share})).max_abs;
     }
 
     DifferenceResult compared(Volume const& a, Volume const& b) const {

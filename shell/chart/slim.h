@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 namespace vkt::shell {
@@ -18,10 +19,17 @@ struct SlimRequest {
     std::function<void(std::string const&)> detail; ///< told of each candidate; may be empty
 };
 
+/// What a smaller type takes from one end of the values.
+struct CutEnd {
+    double value = 0; ///< physical: what lies further out is told as this
+    double share = 0; ///< of the voxels that lie further out
+};
+
 struct SlimModel {
     Volume volume;
     std::string made;                        ///< by these stages, as for a shell; empty: nothing smaller holds
     std::size_t bytes = 0, bytes_before = 0; ///< voxels, and what bricks are told by
+    std::optional<CutEnd> below, above;      ///< what the model does not hold of the volume's values
     double max_error = 0, rms_error = 0;     ///< measured, with the pipeline as it was given
     double flip = 0;                         ///< of the picture that differs most
     double seconds = 0, seconds_before = 0;  ///< of all pictures, or of the pipeline; medians
@@ -30,7 +38,8 @@ struct SlimModel {
 };
 
 /// Tries models of the volume, the one of fewest bytes first: cut to what the picture shows or the operations read,
-/// in a smaller type, over the range of values that matters, at a lower resolution (of operations: where their result
+/// in a smaller type, over the range of values that matters (either end is cut off as far as that changes nothing, or
+/// little of what is allowed), at a lower resolution (of operations: where their result
 /// has the same voxels then); what is best of these also as a hierarchical volume. Each
 /// goes through the pipeline as it was given, and the first whose result differs by at most `within` anywhere is taken;
 /// of pictures a smaller one is drawn first, and a model that fails there by far is not drawn in full. Bricks are not

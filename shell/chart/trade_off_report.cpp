@@ -3,7 +3,6 @@
 #include "shell/chart/trade_off_report.h"
 
 #include "libvkt/core/error.h"
-#include "libvkt/core/parameters.h"
 #include "libvkt/core/report.h"
 #include "libvkt/core/text.h"
 #include "shell/short_number.h"
@@ -16,13 +15,6 @@
 
 namespace vkt::shell {
 namespace {
-
-double allowed(std::string const& words, double range) {
-    bool const share = words.ends_with('%');
-    double const value = parse_double(share ? words.substr(0, words.size() - 1) : words);
-    if (!(value >= 0)) throw Error(ErrorKind::usage, text("--within ", words, " is no error"));
-    return share ? value / 100 * range : value;
-}
 
 /// A line for the shell that does it.
 std::string command(TradeOffPoint const& point, std::string const& volume) {
@@ -53,7 +45,11 @@ std::string or_nothing(std::optional<double> const& value) { return value ? to_t
 
 void TradeOffGoal::check() const {
     if (within && seconds) throw Error(ErrorKind::usage, "only one of --within and --in can be asked for");
-    if (within) allowed(*within, 1);
+    if (within && !(within->number >= 0 && std::isfinite(within->number)))
+        throw Error(
+            ErrorKind::usage,
+            text("--within ", within->number, within->percent ? "%" : "", " is not a finite number >= 0"),
+            "it is an error in units of values (display levels of a picture), or with % a share of their range");
     if (seconds && !(*seconds > 0)) throw Error(ErrorKind::usage, text("--in ", *seconds, " is no time"));
 }
 
@@ -61,7 +57,7 @@ TradeOffPoint const* TradeOffGoal::choose(TradeOff const& found) const {
     TradeOffPoint const* best = nullptr;
     double limit = 0;
     if (within) {
-        limit = allowed(*within, found.range());
+        limit = within->within(found.range());
     } else if (!seconds) {
         for (auto const& p : found.points)
             if (p.given) limit = std::max(p.max_error, p.bound.value_or(0));
@@ -77,7 +73,7 @@ TradeOffPoint const* TradeOffGoal::choose(TradeOff const& found) const {
 }
 
 std::string TradeOffGoal::purpose(TradeOff const& found) const {
-    if (within) return text("fastest within ", short_number(allowed(*within, found.range())));
+    if (within) return text("fastest within ", short_number(within->within(found.range())));
     if (seconds) return text("most exact in ", *seconds, " s");
     return "fastest that keeps what the given setting promises";
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/operations/common/value_tolerance.h"
 #include "shell/chart/trade_off.h"
 #include "shell/picture/plot.h"
 
@@ -13,8 +14,8 @@ namespace vkt::shell {
 
 /// What is asked of a setting; of nothing, that it keeps what the given one promises.
 struct TradeOffGoal {
-    std::optional<std::string> within; ///< the largest error: physical values, or "P%" of their range
-    std::optional<double> seconds;     ///< for all of the volume
+    std::optional<ValueTolerance> within; ///< the largest error
+    std::optional<double> seconds;        ///< for all of the volume
     /// Throws Error{usage}.
     void check() const;
     /// The fastest setting that is as exact, or the most exact one that is as fast; null if there is none.

@@ -81,8 +81,8 @@ TEST(RenderGoal, ToleranceBoundsTheErrorOfEdges) {
         RenderReport report;
         Image const image = render::render(volume, s, default_execution(), &report);
         Apart const off = apart(image, reference, tolerance);
-        EXPECT_LE(off.above, 8) << tolerance; // 0.5 %
-        EXPECT_LT(off.most, 6 * tolerance);   // of the few that the estimate misses
+        EXPECT_LE(off.above, 16) << tolerance; // 1 %
+        EXPECT_LT(off.most, 6 * tolerance);    // of the few that the estimate misses
         EXPECT_LT(off.rms, tolerance / 2);
         EXPECT_EQ(report.quality.above, 0);
         EXPECT_LE(report.quality.worst, tolerance);

@@ -78,7 +78,8 @@ RenderSettings white_surface() {
     s.width = s.height = 31;
     s.algorithm = Algorithm::implicit_iso;
     s.isos = {10};
-    s.edge_rays = 1; // normals are those of the middle
+    s.camera.projection = Projection::orthographic; // half of a ball is seen
+    s.edge_rays = 1;                                // normals are those of the middle
     s.iso_colors = {1, 1, 1};
     s.specular = 0;
     s.ambient = 1;
@@ -193,7 +194,7 @@ TEST(RenderIrradiance, APatchLightsByThePolynomial) {
         });
         EXPECT_GT(seen, 100);
         EXPECT_LT(darkest, 0.1 * most);
-        EXPECT_GT(brightest, 0.8 * most);
+        EXPECT_GT(brightest, 0.75 * most);
     }
 }
 
