@@ -11,6 +11,20 @@ namespace {
 constexpr std::int64_t piece = std::int64_t{256} << 10;  ///< that stays in a processor's own cache
 constexpr std::int64_t together = std::int64_t{4} << 20; ///< bytes of slices
 
+/// Rows of so many bytes, some from one to the next on either side. They are short: a call for each would cost as much
+/// as its bytes.
+void copy_rows(std::byte* to, std::int64_t to_step, std::byte const* from, std::int64_t from_step, std::int64_t bytes,
+               std::int64_t count) {
+    constexpr std::int64_t block = 64;
+    if (bytes % block != 0 || bytes > 8 * block) {
+        for (; count > 0; --count, to += to_step, from += from_step)
+            std::memcpy(to, from, static_cast<std::size_t>(bytes));
+        return;
+    }
+    for (; count > 0; --count, to += to_step, from += from_step)
+        for (std::int64_t i = 0; i < bytes; i += block) std::memcpy(to + i, from + i, block);
+}
+
 /// Rows of a chunk, `row` bytes from one to the next, the first at byte `at`.
 void read_rows(std::int64_t at, std::int64_t row, Box const& rows, AnyView const& out, std::vector<std::byte>& scratch,
                ReadChunk const& read) {
@@ -25,13 +39,14 @@ void read_rows(std::int64_t at, std::int64_t row, Box const& rows, AnyView const
     std::int64_t y = rows.lower.y, z = rows.lower.z;
     for (std::int64_t i = 0; i < count; i += most) {
         std::int64_t const here = std::min(most, count - i);
-        std::byte* to = out.at(rows.lower.x, y, z);
-        read(at + i * row, dense ? to : scratch.data(), static_cast<std::size_t>((here - 1) * row + bytes));
-        for (std::int64_t k = 0; k < here; ++k, to += step) {
-            if (!dense) std::memcpy(to, scratch.data() + k * row, static_cast<std::size_t>(bytes));
-            if (++y < rows.upper.y) continue;
-            y = rows.lower.y;
-            if (++z < rows.upper.z) to = out.at(rows.lower.x, y, z) - step;
+        read(at + i * row, dense ? out.at(rows.lower.x, y, z) : scratch.data(),
+             static_cast<std::size_t>((here - 1) * row + bytes));
+        for (std::int64_t k = 0; k < here;) { // as far as the slice goes
+            std::int64_t const n = std::min(here - k, rows.upper.y - y);
+            if (!dense) copy_rows(out.at(rows.lower.x, y, z), step, scratch.data() + k * row, row, bytes, n);
+            k += n;
+            y += n;
+            if (y == rows.upper.y) y = rows.lower.y, ++z;
         }
     }
 }

@@ -40,6 +40,24 @@ TEST(ChunkPart, RegionsHaveTheVoxelsOfTheChunk) {
     EXPECT_EQ(furthest, 120u);
 }
 
+TEST(ChunkPart, RowsOfEveryLength) {
+    // Short ones are copied in blocks.
+    for (std::int64_t width : {1, 63, 64, 65, 128, 192, 512, 576, 1024}) {
+        Index3 const extent{width, 3, 2};
+        std::vector<std::byte> chunk(static_cast<std::size_t>(width * 6)), scratch;
+        for (std::size_t i = 0; i < chunk.size(); ++i) chunk[i] = static_cast<std::byte>(i * 7 % 251);
+        Box const region{{0, 0, 0}, {width + 9, 3, 2}}; // wider than the chunk
+        std::vector<std::byte> voxels(static_cast<std::size_t>(region.voxels()), std::byte{255});
+        read_chunk_part({}, extent, dense_view(voxels.data(), DataType::uint8, region), scratch,
+                        [&](std::int64_t at, std::byte* to, std::size_t n) { std::memcpy(to, chunk.data() + at, n); });
+        for (std::int64_t row = 0; row < 6; ++row)
+            for (std::int64_t x = 0; x < width + 9; ++x)
+                ASSERT_EQ(voxels[static_cast<std::size_t>(row * (width + 9) + x)],
+                          x < width ? chunk[static_cast<std::size_t>(row * width + x)] : std::byte{255})
+                    << width << ' ' << row << ' ' << x;
+    }
+}
+
 TEST(ChunkPart, LayersAreReadInEvenParts) {
     constexpr std::int64_t mib = std::int64_t{1} << 20;
     EXPECT_EQ(slices_together(64, mib / 2), 8);
