@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/kernel/hash.h"
 
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -15,6 +16,16 @@ namespace vkt::ipc {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+/// With the registers of this processor.
+Execution const& fastest() {
+    static Execution const chosen = [] {
+        Execution execution;
+        execution.instructions = best_instruction_set();
+        return execution;
+    }();
+    return chosen;
+}
 
 std::uint64_t hash_of(FrameHeader const& header) { return XXH3_64bits(&header, offsetof(FrameHeader, self)); }
 
@@ -41,7 +52,9 @@ template <class T> T value(Json const& object, char const* key, T fallback) {
 } // namespace
 
 std::uint64_t hash(std::span<std::byte const> data, std::uint64_t seed) {
-    return XXH3_64bits_withSeed(data.data(), data.size(), seed);
+    std::uint64_t result = 0;
+    hash_bytes(data, seed, result, fastest());
+    return result;
 }
 
 struct StreamHash::State {
@@ -54,7 +67,7 @@ StreamHash::StreamHash(std::uint64_t seed) : state_(std::make_unique<State>()) {
     XXH3_64bits_reset_withSeed(&state_->xxh, seed);
 }
 StreamHash::~StreamHash() = default;
-void StreamHash::add(std::span<std::byte const> data) { XXH3_64bits_update(&state_->xxh, data.data(), data.size()); }
+void StreamHash::add(std::span<std::byte const> data) { hash_more(data, &state_->xxh, fastest()); }
 std::uint64_t StreamHash::value() const { return XXH3_64bits_digest(&state_->xxh); }
 
 FrameHeader sealed(FrameHeader header) {

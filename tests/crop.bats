@@ -201,8 +201,9 @@ PY
     fails_with 2 'vkt flip reverses' vkt crop v.nrrd --roi ::-1,:,: -o no.nrrd
     fails_with 2 'with steps is no box' vkt fill v.nrrd --roi ::2,:,: -o no.nrrd
     vkt make amr --blocks 20 --levels 2 -o tree.vkt
-    fails_with 2 'with steps is no box' vkt stats tree.vkt --roi ::2,:,:
-    fails_with 2 'with steps is no box' vkt crop tree.vkt --roi ::2,:,: -o no.vkt
+    fails_with 2 'there is no every n-th one' vkt stats tree.vkt --roi ::2,:,:
+    fails_with 2 'make it a grid first: vkt resample' vkt crop tree.vkt --roi ::2,:,: -o no.vkt
+    fails_with 2 'there is no every n-th one' vkt read tree.vkt --roi ::2,:,: -o no.vkt
     [ ! -e no.nrrd ] && [ ! -e no.vkt ]
 }
 

@@ -36,6 +36,18 @@ END
     [ "$(tail -n 8 a | tr -d '\n')" = "{  [4] {2.0, 2.0}}[3]{  [4] {3.0, 3.0}}" ]
 }
 
+@test "every n-th voxel of a range: the values of the cropped volume at their places in the whole" {
+    vkt make noise --dims 9 8 7 --dtype uint8 -o n.vkt
+    for roi in ::2,::3,::4 1:8:3,2:3,: :,:7:5,5:7; do
+        vkt dump n.vkt --roi $roi >stepped
+        vkt crop n.vkt --roi $roi | vkt dump >cropped
+        grep -o '{.*}' stepped >a
+        grep -o '{.*}' cropped | diff a -
+        vkt read n.vkt | vkt dump --roi $roi --memory 100k | diff stepped -
+    done
+    [ "$(vkt dump n.vkt --roi ::2,1::3,2::4 | grep -o '^ *\[[0-9]*\]' | tr -d ' \n')" = "[2][1][4][7][6][1][4][7]" ]
+}
+
 @test "values are physical" {
     vkt declare-sv --dims 2 1 1 --data-format uint8 -vm -1 1 | vkt dump >out
     grep -q 'voxelMapping: (-1.0,1.0)' out

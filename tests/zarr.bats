@@ -760,3 +760,138 @@ for path in ("g.zarr", "g.zarr/labels", "g.zarr/labels/cells"): open(path + "/.z
     [ -e elsewhere/kept ]
     vkt make ramp --dims 8 8 8 | vkt diff - g.zarr
 }
+
+@test "a region of an array that is there: its chunks and shards, whatever they are encoded by, and nothing else" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr, numcodecs, shutil
+from zarr.codecs import BloscCodec, BytesCodec, GzipCodec, ZstdCodec, Crc32cCodec, TransposeCodec, ShardingCodec
+rng = np.random.default_rng(4)
+whole = rng.integers(-999, 999, (21, 32, 43)).astype("i2")
+part = rng.integers(-999, 999, (9, 11, 13)).astype("i2")
+np.save("part.npy", part)
+def put(to, *options, source="part.npy"):
+    return subprocess.run(["vkt", "write", source, to, *options], capture_output=True, text=True)
+want = whole.copy(); want[8:17, 3:14, 20:33] = part
+def files(folder): return {os.path.relpath(os.path.join(d, f), folder): open(os.path.join(d, f), "rb").read() for d, _, fs in os.walk(folder) for f in fs}
+makers = []
+for codec in (None, numcodecs.Zlib(3), numcodecs.GZip(3), numcodecs.Zstd(5), numcodecs.Blosc(cname="lz4", shuffle=2)):
+    for order in "CF":
+        makers.append(dict(chunks=(8, 10, 11), zarr_format=2, compressors=codec, order=order))
+for codecs in (None, [GzipCodec()], [ZstdCodec(checksum=True)], [BloscCodec(cname="zstd")], [ZstdCodec(), Crc32cCodec()]):
+    for endian in ("little", "big"):
+        makers.append(dict(chunks=(8, 10, 11), compressors=codecs, serializer=BytesCodec(endian=endian),
+                           chunk_key_encoding={"name": "default", "separator": "/." [endian == "big"]}))
+makers.append(dict(chunks=(8, 10, 11), filters=[TransposeCodec(order=(2, 0, 1))]))
+for where in ("start", "end"):
+    for codecs in ([BytesCodec()], [TransposeCodec(order=(1, 2, 0)), BytesCodec(endian="big"), ZstdCodec()]):
+        makers.append(dict(chunks=(16, 20, 22), compressors=None, serializer=ShardingCodec(chunk_shape=(4, 5, 11), codecs=codecs, index_location=where)))
+for n, how in enumerate(makers):
+    name = f"r{n}.zarr"
+    z = zarr.create_array(name, shape=whole.shape, dtype="i2", fill_value=7, **how)
+    z[...] = whole
+    z.attrs["note"] = "kept"
+    shutil.copytree(name, "old.zarr")
+    met = None
+    for memory in ("1GiB", "40k", "16k"):  # by layers of files, by slices, by rows
+        shutil.rmtree(name); shutil.copytree("old.zarr", name)
+        run = put(name, "--at", "20,3,8", "--force", "--memory", memory)
+        assert run.returncode == 0, (how, run.stderr)
+        z = zarr.open(name, mode="r")
+        assert np.array_equal(z[...], want), (how, memory)
+        assert z.attrs["note"] == "kept"
+        assert voxels(name) == want.tobytes(), (how, memory)
+        old, new = files("old.zarr"), files(name)
+        changed = {f for f in old if old[f] != new[f]}
+        assert old.keys() == new.keys() and not any("zarr" in f or f.startswith(".z") for f in changed), changed
+        file = how["chunks"]
+        assert len(changed) == np.prod([(b - 1) // c - a // c + 1 for (a, b), c in zip(((8, 17), (3, 14), (20, 33)), file)]), (how, changed)
+    shutil.rmtree("old.zarr")
+# Chunks that were not there hold the fill value besides; so do those of shards.
+for how in (dict(chunks=(8, 10, 11)), dict(chunks=(4, 5, 11), shards=(16, 20, 22)), dict(chunks=(8, 10, 11), zarr_format=2)):
+    zarr.create_array("empty.zarr", shape=whole.shape, dtype="i2", fill_value=7, overwrite=True, **how)
+    w = np.full_like(whole, 7); w[12:21, 21:32, 30:43] = part
+    assert put("empty.zarr", "--at", "30,21,12", "--force").returncode == 0
+    assert np.array_equal(zarr.open("empty.zarr", mode="r")[...], w) and voxels("empty.zarr") == w.tobytes()
+# One volume of several, several at once, in chunks of several volumes; an array in a group.
+for shape, chunks, number, source in (((4, 21, 32, 43), (3, 8, 10, 11), 1, part), ((2, 3, 21, 32, 43), (1, 2, 8, 40, 50), 3, np.stack([part, part + 1]))):
+    np.save("p.npy", source)
+    z = zarr.create_array("g.zarr/a", shape=shape, dtype="i2", chunks=chunks, overwrite=True)
+    z[...] = rng.integers(-999, 999, shape)
+    zarr.open_group("g.zarr", mode="a").create_array("b", shape=(2, 2), dtype="i2", overwrite=True)[...] = 5
+    w = z[...].reshape(-1, 21, 32, 43)
+    for i, one in enumerate(source.reshape(-1, 9, 11, 13)): w[number + i, 8:17, 3:14, 20:33] = one
+    run = put("g.zarr:/a", "--at", "20,3,8", "--index", str(number), "--force", source="p.npy")
+    assert run.returncode == 0, run.stderr
+    assert np.array_equal(zarr.open("g.zarr/a", mode="r")[...].reshape(w.shape), w)
+END
+    for version in 2 3; do
+        vkt make ramp --dims 30 20 10 --dtype uint8 | vkt set --spacing 2,2,3 | vkt write ours$version.zarr --chunk 8 --zarr-version $version
+        vkt crop ours$version.zarr --roi 5:10,4:9,3:6 | vkt flip x | vkt write ours$version.zarr --at 5,4,3 --force
+        vkt info ours$version.zarr | grep -q '^spacing *2 2 3$'
+        vkt history ours$version.zarr --as-shell >again.sh
+        grep -q -- 'vkt copy - <(.*) --at 5 4 3$' again.sh
+        bash again.sh | vkt diff - ours$version.zarr
+    done
+    [ -z "$(find . -name '.*vkt-*')" ]
+}
+
+@test "a region of an array that cannot be written is refused, and one that is cut short changes nothing" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr, numcodecs
+data = np.arange(120, dtype="u1").reshape(4, 5, 6)
+for name, how in {"d": {}, "float": dict(dtype="f4"), "mask": dict(dtype="bool"), "lz4": dict(zarr_format=2, compressors=numcodecs.LZ4()),
+                  "delta": dict(zarr_format=2, filters=numcodecs.Delta("u1"))}.items():
+    zarr.create_array(name + ".zarr", shape=data.shape, chunks=(2, 5, 6), **(dict(dtype="u1") | how))[...] = data
+zarr.open("float.zarr").attrs["scale_factor"] = 2.0
+g = zarr.open_group("g.zarr", mode="w")
+for name in "ab": g.create_array(name, shape=data.shape, dtype="u1")[...] = data
+np.save("part.npy", data[:2, :2, :2] + np.uint8(9)); np.save("float.npy", np.zeros((2, 2, 2), "f4"))
+END
+    vkt make ramp --dims 100 20 10 --dtype uint8 | vkt write pyramid.zarr --pyramid
+    vkt make ramp --dims 8 8 8 --dtype uint8 -o zip.zarr.zip
+    find . -path '*.zarr*' -type f -exec sha256sum {} + >sums
+    fails_with 4 'is changed only with --force' vkt write part.npy d.zarr --at 0,0,0
+    fails_with 4 'no such store to write into' vkt write part.npy new.zarr --at 0,0,0 --force
+    fails_with 2 'is no directory' vkt write part.npy zip.zarr.zip --at 0,0,0 --force
+    fails_with 2 'holds several arrays' vkt write part.npy g.zarr --at 0,0,0 --force
+    fails_with 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr --at 0,0,0 --force
+    fails_with 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr:/1 --at 0,0,0 --force
+    fails_with 2 'does not lie' vkt write part.npy d.zarr --at 5,0,0 --force
+    fails_with 2 'does not lie' vkt write part.npy d.zarr --at -1,0,0 --force
+    fails_with 2 'has 1 volume, and none of number 1' vkt write part.npy d.zarr --at 0,0,0 --index 1 --force
+    fails_with 2 'vkt convert --dtype float32' vkt write part.npy float.zarr --at 0,0,0 --force
+    fails_with 2 'holds values as 2' vkt write float.npy float.zarr --at 0,0,0 --force
+    fails_with 2 'holds booleans' vkt write part.npy mask.zarr --at 0,0,0 --force
+    fails_with 2 'which is read and not written' vkt write part.npy lz4.zarr --at 0,0,0 --force
+    fails_with 2 'encoded by filters' vkt write part.npy delta.zarr --at 0,0,0 --force
+    for option in --compress --pyramid '--chunk 8' '--codec zstd' '--zarr-version 3' '--zarr-version 3 --shard 8'; do
+        # shellcheck disable=SC2086 # options and their values
+        fails_with 2 'leave out --' vkt write part.npy d.zarr --at 0,0,0 --force $option
+    done
+    # Voxels that end early, and a writer that is killed while it waits for more, with chunks of it made.
+    vkt make ramp --dims 6 5 4 --dtype uint8 -o part.vkt
+    head -c -60 part.vkt >cut.vkt
+    fails_with 3 'ended early' vkt write cut.vkt d.zarr --at 0,0,0 --force
+    sha256sum --quiet -c sums
+    mkfifo never
+    vkt write never d.zarr --at 0,0,0 --force 3>&- &
+    writer=$!
+    exec 9>never
+    head -c -30 part.vkt >&9
+    for _ in $(seq 250); do [ -n "$(find d.zarr -path '*vkt-*' -type f)" ] && break; sleep 0.02; done
+    kill -9 $writer
+    exec 9>&-
+    wait $writer || true
+    for _ in $(seq 250); do [ -z "$(find d.zarr -name '.*vkt-*')" ] && break; sleep 0.02; done
+    [ -z "$(find . -name '.*vkt-*')" ]
+    sha256sum --quiet -c sums
+    # A chunk that is damaged is not covered up by a part of it; by all of it, it is.
+    printf x >>d.zarr/c/0/0/0
+    fails_with 3 'damaged' vkt write part.npy d.zarr --at 0,0,0 --force
+    vkt write part.vkt d.zarr --at 0,0,0 --force
+    vkt diff d.zarr part.vkt
+}

@@ -114,6 +114,16 @@ bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
 
 } // namespace
 
+Box resolve_cells(Roi const& roi, Index3 dims) {
+    if (roi.has_steps())
+        throw Error(ErrorKind::usage,
+                    text("--roi '", roi.text,
+                         "': the volume is hierarchical, its cells are of several sizes, and "
+                         "there is no every n-th one"),
+                    "make it a grid first: vkt resample IN --cells 50M | vkt crop --roi ::2,::2,::2");
+    return roi.resolve(dims);
+}
+
 BrickSequence crop_tree(BrickSequence bricks, Box const& region) {
     Header header = bricks.header();
     require_tree(header);

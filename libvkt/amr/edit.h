@@ -5,8 +5,13 @@
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/brick_sequence.h"
 #include "libvkt/core/execution.h"
+#include "libvkt/core/roi.h"
 
 namespace vkt {
+
+/// A region of finest cells of a tree of these dims. Throws Error{usage} as Roi::resolve() does; cells are of several
+/// sizes, and of these no every n-th one is taken.
+Box resolve_cells(Roi const& roi, Index3 dims);
 
 /// The bricks whose domain meets a region of finest cells, whole and in their order; the logical grid stays, the
 /// header's attribute "roi" names the region. Any reconstruction inside the region is the same as before, bit for bit.

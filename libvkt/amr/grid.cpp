@@ -1,5 +1,6 @@
 // Sample grids: which regular grid a request over a hierarchical volume means.
 // SPDX-License-Identifier: MIT
+#include "libvkt/amr/edit.h"
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -67,7 +68,7 @@ Box region_of(Header const& header) {
 }
 
 Box resolve_in_tree(Roi const& roi, Header const& header) {
-    Box box = roi.resolve(header.dims);
+    Box box = resolve_cells(roi, header.dims);
     Box const present = region_of(header);
     auto const ranges = split(roi.text, ',');
     for (std::size_t a = 0; a < ranges.size() && a < 3; ++a) {

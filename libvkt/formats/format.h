@@ -64,7 +64,7 @@ struct WriteOptions {
     std::optional<int> threads{}; ///< that compress; none: default_threads()
     bool pyramid = false;         ///< Zarr: coarser levels besides
     ZarrLayout zarr{};
-    /// HDF5: into the dataset that is there, from this voxel on; the rest of it stays, and how it is stored.
+    /// HDF5 and Zarr: into the dataset that is there, from this voxel on; the rest of it stays, and how it is stored.
     std::optional<Index3> at{};
     std::int64_t at_volume = 0; ///< of several volumes of that dataset the one with which this begins
     /// Told once a file what of a volume its format does not hold, in one line.

@@ -6,6 +6,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/chunk_part.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
@@ -100,7 +101,7 @@ public:
     Header const& header() const override { return grids_.header; }
     Access access() const override { return Access::random; }
     void read(AnyView out) override;
-    std::int64_t natural_slab() const override { return grids_.slab > 1 ? grids_.slab : 0; }
+    std::int64_t natural_slab() const override;
     std::vector<std::string> not_read() const override { return grids_.not_read; }
     void finish() override {}
 
@@ -109,9 +110,6 @@ private:
     void check_answer() const;
     void read_in_place(AnyView const& out);
     void read_chunks(AnyView const& out);
-    void read_chunk(Index3 corner, std::int64_t place, AnyView const& out, std::vector<std::byte>& scratch) const;
-    void read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows, AnyView const& out,
-                   std::vector<std::byte>& scratch) const;
     void to_own_order(AnyView const& out) const;
     void read_through_child(AnyView const& out);
 
@@ -219,6 +217,13 @@ void GridsSource::read(AnyView out) {
         read_through_child(out);
 }
 
+std::int64_t GridsSource::natural_slab() const {
+    auto const slice =
+        grids_.header.dims.x * grids_.header.dims.y * static_cast<std::int64_t>(size_of(grids_.header.dtype));
+    std::int64_t const slab = grids_.chunk_places.empty() ? grids_.slab : slices_together(grids_.slab, slice);
+    return slab > 1 ? slab : 0;
+}
+
 /// Chunk by chunk, several at a time: each is copied out of the file and then to its rows.
 void GridsSource::read_chunks(AnyView const& out) {
     Index3 const chunk = grids_.chunk, n = chunks_of(grids_);
@@ -237,56 +242,14 @@ void GridsSource::read_chunks(AnyView const& out) {
             Index3 const at = chunks.lower + Index3{i % count.x, i / count.x % count.y, i / count.x / count.y};
             std::int64_t const place =
                 grids_.chunk_places[static_cast<std::size_t>(((index_ * n.z + at.z) * n.y + at.y) * n.x + at.x)];
-            read_chunk({at.x * chunk.x, at.y * chunk.y, at.z * chunk.z}, place, out,
-                       chunk_scratch_[static_cast<std::size_t>(omp_get_thread_num())]);
+            read_chunk_part(
+                {at.x * chunk.x, at.y * chunk.y, at.z * chunk.z}, chunk, out,
+                chunk_scratch_[static_cast<std::size_t>(omp_get_thread_num())],
+                [&](std::int64_t from, std::byte* to, std::size_t bytes) { bytes_->read_at(place + from, to, bytes); });
         });
     }
     failure.rethrow();
     to_own_order(out);
-}
-
-/// What the region has of the chunk with this corner, which begins at `place`.
-void GridsSource::read_chunk(Index3 corner, std::int64_t place, AnyView const& out,
-                             std::vector<std::byte>& scratch) const {
-    Index3 const chunk = grids_.chunk;
-    auto const element = static_cast<std::int64_t>(size_of(out.type));
-    Box const part = intersect(out.box, {corner, corner + chunk});
-    // Rows of whole slices follow one another.
-    bool const slices = part.dims().y == chunk.y;
-    std::int64_t const runs = slices ? 1 : part.dims().z;
-    for (std::int64_t r = 0; r < runs; ++r) {
-        Box rows = part;
-        if (!slices) rows.lower.z = part.lower.z + r, rows.upper.z = rows.lower.z + 1;
-        std::int64_t const first = (rows.lower.z - corner.z) * chunk.y + rows.lower.y - corner.y;
-        read_rows(place + (first * chunk.x + part.lower.x - corner.x) * element, chunk.x * element,
-                  rows.dims().y * rows.dims().z, rows, out, scratch);
-    }
-}
-
-/// Rows of a chunk, `row` bytes from one to the next.
-void GridsSource::read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows,
-                            AnyView const& out, std::vector<std::byte>& scratch) const {
-    std::int64_t const bytes = rows.dims().x * static_cast<std::int64_t>(size_of(out.type));
-    std::int64_t const step = out.row * static_cast<std::int64_t>(size_of(out.type));
-    // Whole rows of the region that follow one another need no copy.
-    bool const dense = bytes == row && step == row;
-    std::int64_t const most =
-        dense ? rows.dims().y : std::clamp<std::int64_t>((std::int64_t{256} << 10) / row, 1, count);
-    if (auto const room = static_cast<std::size_t>((most - 1) * row + bytes); !dense && scratch.size() < room)
-        scratch.resize(room);
-    std::int64_t y = rows.lower.y, z = rows.lower.z;
-    for (std::int64_t i = 0; i < count; i += most) {
-        std::int64_t const here = std::min(most, count - i);
-        std::byte* to = out.at(rows.lower.x, y, z);
-        bytes_->read_at(place + i * row, dense ? to : scratch.data(),
-                        static_cast<std::size_t>((here - 1) * row + bytes));
-        for (std::int64_t k = 0; k < here; ++k, to += step) {
-            if (!dense) std::memcpy(to, scratch.data() + k * row, static_cast<std::size_t>(bytes));
-            if (++y < rows.upper.y) continue;
-            y = rows.lower.y;
-            if (++z < rows.upper.z) to = out.at(rows.lower.x, y, z) - step;
-        }
-    }
 }
 
 void GridsSource::read_in_place(AnyView const& out) {

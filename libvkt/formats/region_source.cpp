@@ -68,7 +68,7 @@ bool RegionSource::next_volume() {
     if (!world_roi_.empty())
         region_ = {world_roi_.resolve(header_.geometry, header_.dims)};
     else if (tree)
-        region_ = {roi_.resolve(header_.dims)};
+        region_ = {resolve_cells(roi_, header_.dims)};
     else
         region_ = roi_.resolve_steps(header_.dims);
     std::optional<History> history = header_.history;

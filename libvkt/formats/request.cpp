@@ -84,7 +84,7 @@ void WriteRequest::declare(Parameters& p) {
     p.option("shard", shard_, "N", "Zarr 3: voxels of a file of several chunks, one number or X,Y,Z");
     p.option("codec", options_.zarr.codec, "C", "Zarr: what compresses; --compress is blosc, or the best there is");
     p.option("at", options_.at, "X Y Z",
-             "HDF5: into the dataset that is there, beginning at this voxel; all else of the file stays");
+             "HDF5, Zarr: into the dataset that is there, beginning at this voxel; all else stays");
     p.option("index", index_, "N", "with --at: the volume of several that is written to, counted from 0");
     p.flag("force", options_.force, "overwrite an existing output file");
 }
@@ -123,18 +123,25 @@ void WriteRequest::check(std::string const& path) const {
 
 /// A region is written into a dataset that is there, in its way of being stored.
 void WriteRequest::check_region(std::string const& path, std::string const& format) const {
-    if (format != "hdf5")
-        throw Error(ErrorKind::usage, "--at is for HDF5 datasets",
+    if (format != "hdf5" && format != "zarr")
+        throw Error(ErrorKind::usage, "--at is for HDF5 datasets and Zarr arrays",
                     text("write all of it again: vkt copy PART ", shell_quoted(path), " --at ... -o ",
                          shell_quoted(path), " --force"));
-    if (file_part(path).part.empty())
+    if (format == "hdf5" && file_part(path).part.empty())
         throw Error(ErrorKind::usage, text("--at: '", path, "' names no dataset"),
                     text("e.g. vkt write part.nrrd ", shell_quoted(path + ":/data"), " --at 0,0,0 --force"));
-    if (options_.compress)
-        throw Error(ErrorKind::usage, "--at: the dataset is compressed as it was", "leave out --compress");
+    for (auto const& [given, name] : {std::pair{options_.compress, "--compress"},
+                                      {options_.pyramid, "--pyramid"},
+                                      {chunk_.has_value(), "--chunk"},
+                                      {shard_.has_value(), "--shard"},
+                                      {options_.zarr.codec.has_value(), "--codec"},
+                                      {options_.zarr.version != 2, "--zarr-version"}})
+        if (given)
+            throw Error(ErrorKind::usage, text("--at: the dataset stays stored as it was, and compressed as it was"),
+                        text("leave out ", name));
     if (!options_.force)
         throw Error(ErrorKind::io, text("'", path, "' is changed only with --force"),
-                    "all of the file but these voxels stays");
+                    "all of it but these voxels stays");
 }
 
 WriteOptions WriteRequest::options() const {

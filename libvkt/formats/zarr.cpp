@@ -7,9 +7,12 @@
 #include "libvkt/core/text.h"
 #include "libvkt/core/type_dispatch.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/chunk_part.h"
 #include "libvkt/formats/coordinates.h"
 #include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/zarr_image.h"
+#include "libvkt/formats/zarr_layout.h"
 #include "libvkt/formats/zarr_write.h"
 #include "libvkt/formats/zip_archive.h"
 
@@ -36,26 +39,7 @@ using zarr::Position;
 using zarr::words;
 
 constexpr std::int64_t most_places = std::int64_t{1} << 24; ///< that are listed
-
-/// Which dimension is x, y, z (-1: none); the others enumerate volumes.
-std::array<int, 3> spatial_axes(Found const& found) {
-    auto const rank = static_cast<int>(found.array.shape.size());
-    std::vector<std::string> const& names =
-        found.image && std::ssize(found.image->names) == rank ? found.image->names : found.array.names;
-    std::array<int, 3> axes{-1, -1, -1};
-    if (std::ssize(names) == rank)
-        for (int k = 0; k < rank; ++k)
-            for (std::size_t a = 0; a < 3; ++a)
-                if (lower_case(names[static_cast<std::size_t>(k)]) == std::string(1, "xyz"[a])) axes[a] = k;
-    if (axes[0] >= 0 && axes[1] >= 0) return axes;
-    // The last ones, but for those that enumerate volumes.
-    axes = {-1, -1, -1};
-    std::size_t next = 0;
-    for (int k = rank - 1; k >= 0 && next < 3; --k)
-        if (std::ssize(names) != rank || !enumerates(names[static_cast<std::size_t>(k)])) axes[next++] = k;
-    if (next == 0) axes[0] = rank - 1;
-    return axes;
-}
+constexpr std::size_t most_open = 256;                      ///< files of chunks
 
 /// As NRRD and NIfTI spell them; as they stand where those have none.
 std::string unit_of_time(std::string const& unit) {
@@ -83,13 +67,10 @@ public:
     Header const& header() const override { return header_; }
     Access access() const override { return Access::random; }
     void read(AnyView out) override;
-    std::int64_t natural_slab() const override { return axes_[2] >= 0 ? inner(2) : 0; }
+    std::int64_t natural_slab() const override;
     void finish() override {}
 
 private:
-    std::int64_t inner(std::size_t axis) const {
-        return axes_[axis] < 0 ? 1 : chunks_.array().inner[static_cast<std::size_t>(axes_[axis])];
-    }
     void describe(Found const& found);
     void use_image_places(zarr::Multiscale const& image, Level const& level);
     void use_ours(Json const& attributes);
@@ -99,35 +80,38 @@ private:
     struct Held {
         LargeVector<std::byte> chunk;
         zarr::Scratch scratch;
+        std::vector<std::byte> rows;
     };
+    using Key = std::array<std::int64_t, 3>; ///< of a chunk of the current volume
+    bool read_part(Index3 at, Box const& whole, AnyView const& out, Held& held);
+    std::shared_ptr<zarr::Chunks::Place const> opened(Key const& key);
     void read_chunk(Index3 at, AnyView const& out, Held& held);
-    void drop(std::array<std::int64_t, 3> const& key);
+    void drop(Key const& key);
     void place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const;
 
     std::string name_;
     zarr::Chunks chunks_;
-    std::array<int, 3> axes_{};
-    std::vector<std::size_t> leading_; ///< dimensions that enumerate volumes, the first one slowest
+    zarr::Layout layout_;
     std::vector<std::string> leading_names_;
-    std::vector<std::int64_t> strides_; ///< of each dimension in a chunk, in voxels
     std::vector<std::vector<std::map<std::string, std::string>>> leading_places_; ///< as metadata tell; may be empty
     std::map<std::string, std::string> shared_attributes_;
-    std::int64_t volumes_ = 1, index_ = -1;
-    Position outer_;          ///< chunk of the current volume along the leading dimensions, 0 elsewhere
-    std::int64_t offset_ = 0; ///< of the current volume within such chunks, in voxels
+    std::int64_t index_ = -1;
+    zarr::Layout::Place volume_; ///< the current one
     Header header_;
     int threads_ = 1;
     std::size_t most_kept_;
     std::mutex mutex_;
     std::vector<Held> held_; ///< one a thread
-    std::map<std::array<std::int64_t, 3>, std::shared_ptr<LargeVector<std::byte>>> kept_;
-    std::deque<std::array<std::int64_t, 3>> kept_order_;
-    std::vector<LargeVector<std::byte>> spare_; ///< memory of chunks that are not kept any more
+    std::map<Key, std::shared_ptr<LargeVector<std::byte>>> kept_;
+    std::deque<Key> kept_order_;
+    bool parts_ = false;                                             ///< any part of a chunk can be read by itself
+    std::map<Key, std::shared_ptr<zarr::Chunks::Place const>> open_; ///< chunks of which a part was read
+    std::vector<LargeVector<std::byte>> spare_;                      ///< memory of chunks that are not kept any more
 };
 
 ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, std::string name,
                        ReadOptions const& options)
-    : name_(std::move(name)), chunks_(store, found.array), axes_(spatial_axes(found)) {
+    : name_(std::move(name)), chunks_(store, found.array), layout_(found) {
     Array const& array = chunks_.array();
     std::size_t const memory = options.memory.value_or(default_memory()), chunk = array.inner_bytes();
     if (chunk > memory)
@@ -137,19 +121,13 @@ ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, st
         static_cast<int>(std::clamp<std::size_t>(memory / 4 / chunk, 1, static_cast<std::size_t>(default_threads())));
     most_kept_ = memory / 8 / chunk;
     held_.resize(static_cast<std::size_t>(threads_));
-    strides_.resize(array.shape.size());
-    std::int64_t stride = 1;
-    for (std::size_t i = array.order.size(); i-- > 0;) {
-        strides_[array.order[i]] = stride;
-        stride *= array.inner[array.order[i]];
+    parts_ = chunks_.plain() && layout_.dense();
+    for (std::size_t const dimension : layout_.leading()) {
+        bool const named = found.image && found.image->names.size() == array.shape.size();
+        leading_names_.push_back(named                            ? found.image->names[dimension]
+                                 : dimension < array.names.size() ? array.names[dimension]
+                                                                  : "");
     }
-    for (std::size_t k = 0; k < array.shape.size(); ++k)
-        if (std::find(axes_.begin(), axes_.end(), static_cast<int>(k)) == axes_.end()) {
-            leading_.push_back(k);
-            volumes_ *= array.shape[k];
-            bool const named = found.image && found.image->names.size() == array.shape.size();
-            leading_names_.push_back(named ? found.image->names[k] : k < array.names.size() ? array.names[k] : "");
-        }
     use_coordinates(found, std::move(store));
     describe(found);
     check(header_);
@@ -182,18 +160,20 @@ std::vector<double> coordinates_in(std::shared_ptr<zarr::Store const> store, Arr
 
 /// Places from arrays of the names of dimensions, as NetCDF and xarray have them.
 void ZarrSource::use_coordinates(Found const& found, std::shared_ptr<zarr::Store const> store) {
-    leading_places_.resize(leading_.size());
+    leading_places_.resize(layout_.leading().size());
     std::array<std::string, 3> units;
     for (std::size_t k = 0; k < found.coordinates.size(); ++k) {
         if (!found.coordinates[k]) continue;
         std::vector<double> const at = coordinates_in(store, *found.coordinates[k]);
         if (at.empty()) continue;
         std::string const unit = words(Json::parse(found.coordinates[k]->attributes, nullptr, false), "units");
-        if (auto const a = std::find(axes_.begin(), axes_.end(), static_cast<int>(k)); a != axes_.end()) {
-            place_axis(header_, static_cast<int>(a - axes_.begin()), at);
-            units[static_cast<std::size_t>(a - axes_.begin())] = unit;
-        } else if (auto const i = std::find(leading_.begin(), leading_.end(), k); i != leading_.end()) {
-            auto const number = static_cast<std::size_t>(i - leading_.begin());
+        if (auto const a = std::find(layout_.axes().begin(), layout_.axes().end(), static_cast<int>(k));
+            a != layout_.axes().end()) {
+            place_axis(header_, static_cast<int>(a - layout_.axes().begin()), at);
+            units[static_cast<std::size_t>(a - layout_.axes().begin())] = unit;
+        } else if (auto const i = std::find(layout_.leading().begin(), layout_.leading().end(), k);
+                   i != layout_.leading().end()) {
+            auto const number = static_cast<std::size_t>(i - layout_.leading().begin());
             if (is_time(leading_names_[number])) leading_places_[number] = sequence_places(at, unit);
         }
     }
@@ -205,20 +185,20 @@ void ZarrSource::describe(Found const& found) {
     Array const& array = chunks_.array();
     header_.dtype = array.dtype;
     for (int a = 0; a < 3; ++a)
-        if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0)
+        if (int const k = layout_.axes()[static_cast<std::size_t>(a)]; k >= 0)
             header_.dims[a] = array.shape[static_cast<std::size_t>(k)];
     if (found.image) {
         Level const& level = found.image->levels[found.level];
         use_image_places(*found.image, level);
         for (int a = 0; a < 3; ++a) {
-            auto const k = static_cast<std::size_t>(axes_[static_cast<std::size_t>(a)]);
-            if (axes_[static_cast<std::size_t>(a)] < 0) continue;
+            auto const k = static_cast<std::size_t>(layout_.axes()[static_cast<std::size_t>(a)]);
+            if (layout_.axes()[static_cast<std::size_t>(a)] < 0) continue;
             if (k < level.scale.size() && level.scale[k] > 0 && std::isfinite(level.scale[k]))
                 header_.geometry.spacing[a] = level.scale[k];
             if (k < level.translation.size() && std::isfinite(level.translation[k]))
                 header_.geometry.origin[a] = level.translation[k];
         }
-        auto const x = static_cast<std::size_t>(axes_[0]);
+        auto const x = static_cast<std::size_t>(layout_.axes()[0]);
         if (x < found.image->units.size())
             if (char const* const unit = short_unit(found.image->units[x]))
                 header_.attributes["space units"] = text("\"", unit, "\" \"", unit, "\" \"", unit, "\"");
@@ -246,8 +226,8 @@ void ZarrSource::describe(Found const& found) {
 
 /// Times and channels of an image.
 void ZarrSource::use_image_places(zarr::Multiscale const& image, Level const& level) {
-    for (std::size_t i = 0; i < leading_.size(); ++i) {
-        std::size_t const k = leading_[i];
+    for (std::size_t i = 0; i < layout_.leading().size(); ++i) {
+        std::size_t const k = layout_.leading()[i];
         auto const n = static_cast<std::size_t>(chunks_.array().shape[k]);
         auto& places = leading_places_[i];
         if (is_time(leading_names_[i]) && k < level.scale.size() && level.scale[k] > 0 &&
@@ -291,11 +271,11 @@ void ZarrSource::use_ours(Json const& attributes) {
 
 /// As the volumes said them, which may be nothing.
 void ZarrSource::use_our_places(Json const& series) {
-    for (std::size_t i = 0; i < leading_.size(); ++i) {
+    for (std::size_t i = 0; i < layout_.leading().size(); ++i) {
         Json const* const said = member(series, leading_names_[i].c_str());
         bool const time = is_time(leading_names_[i]);
         if ((!time && leading_names_[i] != "c") || said == nullptr || !said->is_array() ||
-            std::ssize(*said) != chunks_.array().shape[leading_[i]])
+            std::ssize(*said) != chunks_.array().shape[layout_.leading()[i]])
             continue;
         leading_places_[i].clear();
         for (Json const& place : *said) {
@@ -307,25 +287,22 @@ void ZarrSource::use_our_places(Json const& series) {
 }
 
 bool ZarrSource::next_volume() {
-    if (index_ + 1 >= volumes_) {
-        index_ = volumes_;
+    if (index_ + 1 >= layout_.volumes()) {
+        index_ = layout_.volumes();
         return false;
     }
     ++index_;
     kept_.clear();
     kept_order_.clear();
+    open_.clear();
     Array const& array = chunks_.array();
     header_.attributes = shared_attributes_;
-    outer_.assign(array.shape.size(), 0);
-    offset_ = 0;
+    volume_ = layout_.place(index_);
     std::int64_t rest = index_;
-    for (std::size_t i = leading_.size(); i-- > 0;) {
-        std::size_t const k = leading_[i];
-        std::int64_t const at = rest % array.shape[k];
-        rest /= array.shape[k];
-        outer_[k] = at / array.inner[k];
-        offset_ += at % array.inner[k] * strides_[k];
-        if (array.shape[k] == 1 || leading_names_[i].empty()) continue;
+    for (std::size_t i = layout_.leading().size(); i-- > 0;) {
+        std::int64_t const n = array.shape[layout_.leading()[i]], at = rest % n;
+        rest /= n;
+        if (n == 1 || leading_names_[i].empty()) continue;
         std::string const& name = leading_names_[i];
         if (!leading_places_[i].empty())
             for (auto const& [key, value] : leading_places_[i][static_cast<std::size_t>(at)])
@@ -339,8 +316,7 @@ bool ZarrSource::next_volume() {
 /// Copies the part of a chunk, or of none, that lies in `box` of the volume.
 void ZarrSource::place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const {
     std::size_t const size = size_of(out.type);
-    auto const stride = [&](std::size_t a) { return axes_[a] < 0 ? 0 : strides_[static_cast<std::size_t>(axes_[a])]; };
-    std::int64_t const sx = stride(0), sy = stride(1), sz = stride(2), n = box.dims().x;
+    std::int64_t const sx = layout_.stride(0), sy = layout_.stride(1), sz = layout_.stride(2), n = box.dims().x;
     auto const& fill = chunks_.array().fill;
     for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
         for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
@@ -350,9 +326,10 @@ void ZarrSource::place(std::byte const* chunk, Box const& box, Index3 first, Any
                     std::memcpy(to + static_cast<std::size_t>(x) * size, fill.data(), size);
                 continue;
             }
-            std::byte const* const from = chunk + static_cast<std::size_t>(offset_ + (box.lower.x - first.x) * sx +
-                                                                           (y - first.y) * sy + (z - first.z) * sz) *
-                                                      size;
+            std::byte const* const from =
+                chunk + static_cast<std::size_t>(volume_.offset + (box.lower.x - first.x) * sx + (y - first.y) * sy +
+                                                 (z - first.z) * sz) *
+                            size;
             if (sx == 1) {
                 std::memcpy(to, from, static_cast<std::size_t>(n) * size);
                 continue;
@@ -363,12 +340,62 @@ void ZarrSource::place(std::byte const* chunk, Box const& box, Index3 first, Any
         }
 }
 
+std::int64_t ZarrSource::natural_slab() const {
+    if (layout_.axes()[2] < 0) return 0;
+    if (!parts_) return layout_.chunk().z;
+    return slices_together(layout_.chunk().z,
+                           header_.dims.x * header_.dims.y * static_cast<std::int64_t>(size_of(header_.dtype)));
+}
+
+/// The file of a chunk, which stays open for its other parts.
+std::shared_ptr<zarr::Chunks::Place const> ZarrSource::opened(Key const& key) {
+    {
+        std::lock_guard const lock(mutex_);
+        if (auto const found = open_.find(key); found != open_.end()) return found->second;
+    }
+    auto place =
+        std::make_shared<zarr::Chunks::Place const>(chunks_.place(layout_.position(volume_, {key[0], key[1], key[2]})));
+    if (place->file && !place->file->checks_whole())
+        chunks_.check_size(*place, place->size, chunks_.array().inner_bytes());
+    std::lock_guard const lock(mutex_);
+    if (open_.size() >= most_open) open_.erase(open_.begin());
+    return open_.try_emplace(key, std::move(place)).first->second;
+}
+
+/// Rows of a chunk straight from its file. False where all of it must be read: its checksum is of the whole.
+bool ZarrSource::read_part(Index3 at, Box const& whole, AnyView const& out, Held& held) {
+    Key const key{at.x, at.y, at.z};
+    auto const place = opened(key);
+    Box const box = intersect(whole, out.box);
+    if (place->file && place->file->checks_whole()) return false;
+    if (place->file) {
+        std::uint64_t const begin = place->begin + static_cast<std::uint64_t>(volume_.offset) * size_of(out.type);
+        read_chunk_part(whole.lower, layout_.chunk(), out.part(box), held.rows,
+                        [&](std::int64_t from, std::byte* to, std::size_t n) {
+                            place->file->read(begin + static_cast<std::uint64_t>(from), {to, n});
+                        });
+        if (chunks_.array().big_endian)
+            for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+                for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+                    swap_bytes(out.at(box.lower.x, y, z), static_cast<std::size_t>(box.dims().x), size_of(out.type));
+    } else {
+        this->place(nullptr, box, whole.lower, out);
+    }
+    // Who reads in order does not come back to it.
+    if (box.upper == whole.upper) {
+        std::lock_guard const lock(mutex_);
+        open_.erase(key);
+    }
+    return true;
+}
+
 void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
-    Index3 const extent{inner(0), inner(1), inner(2)};
+    Index3 const extent = layout_.chunk();
     Index3 const first{at.x * extent.x, at.y * extent.y, at.z * extent.z};
     Box const whole = intersect({first, first + extent}, box_of(header_.dims));
+    if (parts_ && read_part(at, whole, out, held)) return;
     Box const box = intersect(whole, out.box);
-    std::array<std::int64_t, 3> const key{at.x, at.y, at.z};
+    Key const key{at.x, at.y, at.z};
     std::shared_ptr<LargeVector<std::byte>> known;
     {
         std::lock_guard const lock(mutex_);
@@ -382,11 +409,8 @@ void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
         if (last) drop(key);
         return;
     }
-    Position position = outer_;
-    for (int a = 0; a < 3; ++a)
-        if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0) position[static_cast<std::size_t>(k)] = at[a];
     held.chunk.resize(chunks_.array().inner_bytes());
-    bool const there = chunks_.read(position, held.chunk, held.scratch);
+    bool const there = chunks_.read(layout_.position(volume_, at), held.chunk, held.scratch);
     place(there ? held.chunk.data() : nullptr, box, first, out);
     if (box == whole || most_kept_ == 0) return;
     // The rest of it is going to be asked for next.
@@ -403,13 +427,13 @@ void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
     kept_.emplace(key, std::move(kept));
     kept_order_.push_back(key);
     if (kept_order_.size() <= most_kept_) return;
-    std::array<std::int64_t, 3> const oldest = kept_order_.front();
+    Key const oldest = kept_order_.front();
     lock.unlock();
     drop(oldest);
 }
 
 /// Memory that was just written costs less than new memory: it goes to the next chunk.
-void ZarrSource::drop(std::array<std::int64_t, 3> const& key) {
+void ZarrSource::drop(Key const& key) {
     std::lock_guard const lock(mutex_);
     auto const found = kept_.find(key);
     if (found == kept_.end()) return;
@@ -421,11 +445,11 @@ void ZarrSource::drop(std::array<std::int64_t, 3> const& key) {
 
 void ZarrSource::read(AnyView out) {
     if (out.box.empty()) return;
-    if (!box_of(header_.dims).contains(out.box) || index_ < 0 || index_ >= volumes_)
+    if (!box_of(header_.dims).contains(out.box) || index_ < 0 || index_ >= layout_.volumes())
         throw Error(ErrorKind::failure, text("region ", out.box, " is outside of '", name_, "'"));
     Box chunks;
     for (int a = 0; a < 3; ++a) {
-        std::int64_t const n = inner(static_cast<std::size_t>(a));
+        std::int64_t const n = layout_.chunk()[a];
         chunks.lower[a] = out.box.lower[a] / n;
         chunks.upper[a] = (out.box.upper[a] - 1) / n + 1;
     }

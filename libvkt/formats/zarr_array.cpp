@@ -121,6 +121,7 @@ void Metadata::read_type(std::string name, bool v2) {
     for (TypeName const& entry : type_names)
         if (name == (v2 ? entry.v2 : entry.v3)) {
             array_.dtype = entry.type;
+            array_.boolean = entry.type == DataType::uint8 && std::string_view(entry.v3) == "bool";
             return;
         }
     fail(text("elements of type '", name.substr(0, 40), "', which volumes do not have"));
@@ -537,7 +538,6 @@ std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(StoredFile co
 /// What compression can make of a chunk at worst.
 std::size_t Chunks::most_encoded() const { return 2 * std::max(array_.inner_bytes(), array_.filtered_bytes()) + 4096; }
 
-/// Where the bytes of a chunk lie; no file if there is none.
 Chunks::Place Chunks::place(Position const& at) const {
     Position of_file = at;
     std::size_t within = 0;
@@ -569,6 +569,13 @@ Chunks::Place Chunks::place(Position const& at) const {
     return place;
 }
 
+void Chunks::check_size(Place const& place, std::size_t size, std::size_t expected) const {
+    if (size != expected)
+        throw Error(ErrorKind::data,
+                    text("'", store_->shown(place.key), "': damaged: ", static_cast<std::int64_t>(size), " bytes, ",
+                         static_cast<std::int64_t>(expected), " expected"));
+}
+
 bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scratch) const {
     Place const from = place(at);
     if (!from.file) return false;
@@ -576,13 +583,8 @@ bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scra
     std::string const file = store_->shown(from.key);
     bool const filtered = !array_.filters.empty();
     std::span<std::byte> const to = filtered ? room(scratch.filtered, array_.filtered_bytes()) : result;
-    auto const check_size = [&](std::size_t size) {
-        if (size != to.size())
-            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(size), " bytes, ",
-                                              static_cast<std::int64_t>(to.size()), " expected"));
-    };
     if (codecs.empty()) {
-        check_size(from.size);
+        check_size(from, from.size, to.size());
         from.file->read(from.begin, to);
     } else {
         std::span<std::byte> bytes = room(scratch.encoded, from.size);
@@ -604,7 +606,7 @@ bool Chunks::read(Position const& at, std::span<std::byte> result, Scratch& scra
             bytes = target;
             std::swap(held, other);
         }
-        check_size(bytes.size());
+        check_size(from, bytes.size(), to.size());
     }
     if (filtered)
         undo(array_.filters, array_.big_endian, to, size_of(array_.dtype), scratch.unfiltered, result);

@@ -51,7 +51,9 @@ Codec best_codec();
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
 /// The same where nobody says how many bytes they are, at most `to.size()`: their number.
 std::size_t decode_some(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
-/// Throws Error{failure}. Not for lz4, bzip2 and lzma.
+/// True for what encode() does: zlib, gzip, zstd, blosc and crc32c.
+bool encodes(Codec codec);
+/// Throws Error{failure}.
 std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element);
 
 inline constexpr std::size_t most_dimensions = 16;
@@ -64,6 +66,7 @@ struct Array {
     Position inner;                 ///< what is encoded by itself: the same, or a part of a shard
     std::vector<std::size_t> order; ///< of dimensions in the bytes of a chunk, slowest first
     DataType dtype = DataType::uint8;
+    bool boolean = false; ///< of which uint8 was made
     bool big_endian = false;
     std::array<std::byte, 8> fill{}; ///< of one voxel, in this machine's byte order
     std::vector<Filter> filters;     ///< of what is encoded by itself, before the codecs
@@ -99,20 +102,27 @@ struct Scratch {
 /// Chunks, read by any number of threads.
 class Chunks {
 public:
+    /// A chunk in a file that is open.
+    struct Place {
+        std::unique_ptr<StoredFile> file; ///< none if there is no such chunk
+        std::string key;
+        std::uint64_t begin = 0, size = 0;
+    };
+
     Chunks(std::shared_ptr<Store const> store, Array array);
     Array const& array() const { return array_; }
     /// The chunk at this position among those that are encoded by themselves: decoded, in this machine's byte order,
     /// array().inner_bytes() of it. False if there is none: it holds the fill value. Throws Error{data, io}.
     bool read(Position const& at, std::span<std::byte> to, Scratch& scratch) const;
+    /// Chunks lie in their files as they are, but for the order of bytes.
+    bool plain() const { return array_.codecs.empty() && array_.filters.empty(); }
+    /// Where the bytes of a chunk lie. Throws Error{data, io}.
+    Place place(Position const& at) const;
+    /// Throws Error{data} for a chunk of more or fewer bytes than it should have.
+    void check_size(Place const& place, std::size_t size, std::size_t expected) const;
 
 private:
-    struct Place {
-        std::unique_ptr<StoredFile> file;
-        std::string key;
-        std::uint64_t begin, size;
-    };
     std::size_t most_encoded() const;
-    Place place(Position const& at) const;
     std::shared_ptr<std::vector<std::uint64_t> const> index_of(StoredFile const& opened, std::string const& key) const;
 
     std::shared_ptr<Store const> store_;

@@ -195,6 +195,11 @@ void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> t
                     text("'", file, "': damaged: the chunk does not decompress to what it should hold"));
 }
 
+bool encodes(Codec codec) {
+    return codec == Codec::zlib || codec == Codec::gzip || codec == Codec::zstd || codec == Codec::blosc ||
+           codec == Codec::crc32c;
+}
+
 std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element) {
     std::vector<std::byte> to;
     std::size_t size = 0;

@@ -6,6 +6,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
 #include "libvkt/formats/layers.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/io/temporaries.h"
@@ -26,6 +27,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t usual_edge = 64;
+constexpr std::size_t most_history = std::size_t{256} << 10;
 constexpr std::uint64_t absent = ~std::uint64_t{0};
 
 /// A new file, or more of one.
@@ -119,6 +121,12 @@ void move(std::string const& from, std::string const& to) {
 void write_json(std::string const& path, Json const& json) {
     std::string const lines = json.dump(1) + "\n";
     write_file(path, lines.data(), lines.size());
+}
+
+Json kept_header(Header header) {
+    header.timing = header.dry_run = false;
+    if (header.history) header.history = parse_history(history_text(*header.history, most_history));
+    return Json::parse(to_json(header));
 }
 
 void make_directory(std::string const& path) {

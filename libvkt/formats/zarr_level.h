@@ -20,6 +20,9 @@ namespace vkt::zarr {
 void write_json(std::string const& path, nlohmann::ordered_json const& json);
 void make_directory(std::string const& path);
 
+/// All of a header, as the attribute "vkt" of an array keeps it.
+nlohmann::ordered_json kept_header(Header header);
+
 /// Dimensions before z that enumerate volumes, slowest first.
 struct Leading {
     std::vector<std::string> names;

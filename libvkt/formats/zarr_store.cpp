@@ -99,6 +99,7 @@ public:
           name_(text(bytes_->name(), "/", member.name)) {}
 
     std::uint64_t size() const override { return size_; }
+    bool checks_whole() const override { return true; }
     void read(std::uint64_t at, std::span<std::byte> to) const override {
         if (at > size_ || to.size() > size_ - at) ended_early(name_);
         bytes_->read_at(at_ + static_cast<std::int64_t>(at), to.data(), to.size());

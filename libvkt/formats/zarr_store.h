@@ -24,6 +24,8 @@ public:
     virtual std::uint64_t size() const = 0;
     /// Throws Error{data, io}, also beyond the end.
     virtual void read(std::uint64_t at, std::span<std::byte> to) const = 0;
+    /// A checksum proves that it is not damaged, where all of it is read at once.
+    virtual bool checks_whole() const { return false; }
 };
 
 /// Files by their keys, "FOLDER/NAME". Metadata that have no file of their own are taken from those that a group tells

@@ -14,6 +14,7 @@
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/zarr_image.h"
 #include "libvkt/formats/zarr_level.h"
+#include "libvkt/formats/zarr_region.h"
 #include "libvkt/formats/zip_archive.h"
 #include "libvkt/io/output_directory.h"
 #include "libvkt/kernel/numeric.h"
@@ -37,7 +38,6 @@ using Json = nlohmann::ordered_json;
 using zarr::LevelWriter, zarr::make_directory, zarr::write_json;
 
 constexpr std::int64_t coarsest = 64; ///< voxels along the longest axis of the last level
-constexpr std::size_t most_history = std::size_t{256} << 10;
 
 std::int64_t half(std::int64_t n) { return (n + 1) / 2; }
 
@@ -290,10 +290,7 @@ Json ZarrWriter::about() const {
         result["add_offset"] = header_.values.intercept;
     }
     if (!header_.units.empty()) result["units"] = header_.units;
-    Header kept = header_;
-    kept.timing = kept.dry_run = false;
-    if (kept.history) kept.history = parse_history(history_text(*kept.history, most_history));
-    result["vkt"] = Json::parse(to_json(kept));
+    result["vkt"] = zarr::kept_header(header_);
     for (SeriesAxis const& axis : axes()) result[zarr::series_attribute][axis.name()] = axis.places;
     return result;
 }
@@ -399,6 +396,7 @@ void ZarrWriter::pack() {
 } // namespace
 
 std::unique_ptr<Sink> create_zarr(std::string const& path, WriteOptions const& options) {
+    if (options.at) return slab_sink(zarr_region_writer(path, options));
     if (path == "-" || !file_part(path).part.empty())
         throw Error(ErrorKind::usage, text("'", path, "': a Zarr store is a directory"), "name it: -o out.zarr");
     return slab_sink(std::make_unique<ZarrWriter>(path, options));

@@ -7,8 +7,8 @@
 #include "libvkt/core/view.h"
 #include "libvkt/kernel/host_device.h"
 
-// Sources in folders called kernels, and rows.cpp, are compiled as baseline, avx2, avx512 and cuda, each into the
-// namespace VKT_BACKEND of its own; all others once. What is called from outside is declared in a header beside it:
+// Sources in folders called kernels, rows.cpp and hash.cpp are compiled as baseline, avx2, avx512 and cuda, each into
+// the namespace VKT_BACKEND of its own; all others once. What is called from outside is declared in a header beside it:
 //
 //     // operations/voxels/kernels/flip.h
 //     VKT_KERNEL(flip_box, (ConstView from, AnyView to, Axis axis, Execution const& execution), (from, to, axis,

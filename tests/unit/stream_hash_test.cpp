@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "ipc/frame.h"
 
+#include "libvkt/core/execution.h"
+#include "libvkt/kernel/hash.h"
+
 #include <gtest/gtest.h>
 #include <vector>
 
@@ -19,6 +22,26 @@ TEST(StreamHash, PiecesGiveWhatTheWholeGives) {
                 hasher.add({data.data() + at, std::min<std::size_t>(17, n - at)});
             EXPECT_EQ(hasher.value(), ipc::hash({data.data(), n}, seed)) << n;
         }
+}
+
+TEST(StreamHash, AllInstructionSetsGiveTheSame) {
+    std::vector<std::byte> data(70000);
+    for (std::size_t i = 0; i < data.size(); ++i) data[i] = static_cast<std::byte>(i * i >> 3);
+    for (std::size_t n : {std::size_t{0}, std::size_t{16}, std::size_t{200}, std::size_t{1024}, data.size()}) {
+        Execution execution;
+        std::uint64_t expected = 0;
+        hash_bytes({data.data(), n}, 5, expected, execution);
+        for (auto set : {InstructionSet::avx2, InstructionSet::avx512}) {
+            if (set > best_instruction_set()) continue;
+            execution.instructions = set;
+            std::uint64_t got = 0;
+            hash_bytes({data.data(), n}, 5, got, execution);
+            EXPECT_EQ(got, expected) << n << ' ' << name_of(set);
+        }
+        EXPECT_EQ(ipc::hash({data.data(), n}, 5), expected) << n;
+    }
+    // As xxhsum and other programs have it, so that streams of other builds are read.
+    EXPECT_EQ(ipc::hash({}, 0), 0x2d06800538d394c2u);
 }
 
 TEST(StreamHash, MemoryThatWasUsedBeforeDoesNotMatter) {

@@ -10,10 +10,10 @@
 #include "libvkt/formats/hdf5/types.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/region_write.h"
 
 #include <hdf5.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -42,8 +42,7 @@ private:
     }
     void open(Header const& header);
     void check_storage() const;
-    void check_volume(Header const& header) const;
-    void flush();
+    RegionTarget target() const { return {text(file_.path(), ":", dataset_), grids_.header, grids_.volumes}; }
     void tell_past();
 
     WriteOptions options_;
@@ -54,11 +53,7 @@ private:
     ParsedGrids grids_;
     Header part_; ///< of the volumes that come
     std::int64_t volumes_ = 0;
-    std::size_t row_ = 0;
-    std::int64_t depth_ = 1; ///< slices of a layer of chunks that are held at a time; none: some rows
-    std::size_t most_ = 0;   ///< bytes that are held
-    std::int64_t rows_ = 0;  ///< of this volume that were written
-    std::vector<std::byte> held_;
+    RegionLayers layers_;
 };
 
 void RegionWriter::begin(Header const& header) {
@@ -67,14 +62,10 @@ void RegionWriter::begin(Header const& header) {
         open(header);
         part_ = header;
     }
-    check_volume(header);
+    check_part(target(), header, options_, options_.at_volume + volumes_);
     ++volumes_;
-    rows_ = 0;
-    row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
     // Chunks are opened once where the budget has room for a layer of them.
-    most_ = std::max(options_.memory.value_or(default_memory()) / 8, row_);
-    std::size_t const slice = row_ * static_cast<std::size_t>(header.dims.y);
-    depth_ = std::min(chosen_->chunk().z, static_cast<std::int64_t>(most_ / slice));
+    layers_.begin(header, *options_.at, chosen_->chunk().z, options_.memory.value_or(default_memory()) / 8);
 }
 
 void RegionWriter::open(Header const& header) {
@@ -109,76 +100,22 @@ void RegionWriter::check_storage() const {
         refuse("holds numbers of which not all bits count, or that have names", "write it as another dataset");
 }
 
-void RegionWriter::check_volume(Header const& header) const {
-    Header const& whole = grids_.header;
-    std::int64_t const volume = options_.at_volume + volumes_;
-    if (volume >= grids_.volumes)
-        refuse(
-            text("has ", grids_.volumes, grids_.volumes == 1 ? " volume" : " volumes", ", and none of number ", volume),
-            "they are counted from 0");
-    Index3 const lower = *options_.at;
-    if (Box const box{lower, lower + header.dims}; !box_of(whole.dims).contains(box))
-        refuse(text("has ", whole.dims, " voxels, in which the part of ", header.dims, " at ", lower, " does not lie"),
-               "cut it with 'vkt crop'");
-    if (header.dtype != whole.dtype)
-        refuse(text("is ", whole.dtype, ", and the part ", header.dtype), text("vkt convert --dtype ", whole.dtype));
-    if (!(header.values == whole.values))
-        refuse(text("holds values as ", whole.values.slope, " * stored + ", whole.values.intercept,
-                    ", and the part as ", header.values.slope, " * stored + ", header.values.intercept),
-               text("let 'vkt copy' convert them: vkt copy PART ", shell_quoted(text(file_.path(), ":", dataset_)),
-                    " --at ... -o OUT"));
-}
-
 void RegionWriter::write(std::byte const* voxels, std::size_t n) {
-    std::int64_t const height = part_.dims.y;
-    while (n > 0) {
-        // Up to where the next layer of chunks begins; of large slices some rows, which do not go on in the next slice.
-        std::int64_t const slice = rows_ / height, done = rows_ % height;
-        std::int64_t wanted = std::min(height - done, static_cast<std::int64_t>(most_ / row_));
-        if (depth_ > 0) {
-            std::int64_t const z = options_.at->z + slice, layer = depth_ - z % depth_;
-            wanted = height * std::min(layer, part_.dims.z - slice);
-        }
-        std::size_t const full = static_cast<std::size_t>(wanted) * row_, count = std::min(n, full - held_.size());
-        held_.insert(held_.end(), voxels, voxels + count);
-        voxels += count;
-        n -= count;
-        if (held_.size() == full) flush();
-    }
-}
-
-void RegionWriter::flush() {
-    std::int64_t const height = part_.dims.y, rows = static_cast<std::int64_t>(held_.size() / row_);
-    Index3 const lower = *options_.at + Index3{0, rows_ % height, rows_ / height};
-    bool const slices = rows % height == 0;
-    Box const box{lower, lower + Index3{part_.dims.x, slices ? height : rows, slices ? rows / height : 1}};
-    if (!chosen_->write(options_.at_volume + volumes_ - 1, box, held_.data()))
-        throw Error(ErrorKind::io,
-                    text("cannot write '", file_.path(), "': HDF5 cannot store voxels: is the disk full?"));
-    rows_ += rows;
-    held_.clear();
+    layers_.add(voxels, n, [&](Box const& box, std::byte const* from) {
+        if (!chosen_->write(options_.at_volume + volumes_ - 1, box, from))
+            throw Error(ErrorKind::io,
+                        text("cannot write '", file_.path(), "': HDF5 cannot store voxels: is the disk full?"));
+    });
 }
 
 /// Of a dataset that vkt wrote: how it came about now, and how exact it is.
 void RegionWriter::tell_past() {
-    Header whole = grids_.header;
     hid_t const data = chosen_->data();
     if (words(data, header_attribute).empty()) return;
-    whole.attributes.erase("variable"); // as it is called in this file
-    mark_as_given(whole);
-    VolumeError error = whole.error.kind < part_.error.kind ? part_.error : whole.error;
-    error.at_most = std::max(whole.error.at_most, part_.error.at_most);
-    error.values.reset();
-    if (whole.error.values && part_.error.values)
-        error.values = whole.error.values->with(part_.error.values->low).with(part_.error.values->high);
-    whole.error = error;
-    // As that of the command that makes the same of two volumes; of one volume among several there is none.
-    if (part_.history && whole.history && grids_.volumes == 1)
-        whole.history = History{
-            {"copy", "-", "<(…)", "--at", to_text(options_.at->x), to_text(options_.at->y), to_text(options_.at->z)},
-            {*part_.history, *whole.history}};
-    else
-        whole.history.reset();
+    RegionTarget there = target();
+    there.whole.attributes.erase("variable"); // as it is called in this file
+    mark_as_given(there.whole);
+    Header const whole = with_part(there, part_, *options_.at);
     if (H5Adelete(data, header_attribute) < 0 || !put_header(data, whole))
         throw Error(ErrorKind::io, text("cannot write '", file_.path(), "': HDF5 cannot store the header"));
 }

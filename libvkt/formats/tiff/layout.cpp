@@ -80,34 +80,6 @@ Vec3 lie_over_the_full_image(std::optional<Page> const& full, Index3 dims, Geome
     return further_in;
 }
 
-/// The page's voxels lie in the file as they are wanted, in one piece.
-bool dense_at(Pages const& pages, Page const& page, std::int64_t& place) {
-    if (page.compression != COMPRESSION_NONE || page.tiled || page.samples != 1 || page.bits % 8 != 0 ||
-        page.bits == 24)
-        return false;
-    std::uint16_t order = FILLORDER_MSB2LSB;
-    TIFFGetFieldDefaulted(pages.handle(), TIFFTAG_FILLORDER, &order);
-    if (order != FILLORDER_MSB2LSB) return false;
-    std::uint32_t const strips = TIFFNumberOfStrips(pages.handle());
-    std::uint64_t next = TIFFGetStrileOffset(pages.handle(), 0);
-    place = static_cast<std::int64_t>(next);
-    std::uint64_t const row = std::uint64_t{page.width} * page.bits / 8;
-    std::uint32_t rows = 0;
-    TIFFGetFieldDefaulted(pages.handle(), TIFFTAG_ROWSPERSTRIP, &rows);
-    rows = std::min(rows, page.height);
-    if (rows == 0) return false;
-    for (std::uint32_t i = 0; i < strips; ++i) {
-        if (TIFFGetStrileOffset(pages.handle(), i) != next) return false;
-        next += row * std::min<std::uint64_t>(rows, page.height - std::uint64_t{i} * rows);
-    }
-    std::error_code error;
-    std::uint64_t const size = std::filesystem::file_size(pages.path(), error);
-    if (!error && next > size)
-        pages.fail(text("ended early: a page's voxels end at byte ", static_cast<std::int64_t>(next), " of ",
-                        static_cast<std::int64_t>(size)));
-    return place > 0;
-}
-
 } // namespace
 
 DataType type_of(Pages const& pages, Page const& page) {
@@ -228,19 +200,25 @@ std::vector<Plane> arrange(Pages const& pages, TiffDescription const& about, Par
     return planes;
 }
 
-void find_places(Pages& pages, std::vector<Plane> const& planes, TiffDescription const& about, ParsedGrids& grids) {
+void find_places(Pages const& pages, std::vector<Plane> const& planes, TiffDescription const& about,
+                 ParsedGrids& grids) {
     if (pages.several_files()) return;
-    std::vector<std::int64_t> of_page(pages.taken().size());
-    for (std::size_t i = 0; i < pages.taken().size(); ++i) {
-        pages.go_to(i);
-        if (!dense_at(pages, pages.taken()[i], of_page[i])) return;
+    std::error_code error;
+    std::uint64_t const size = std::filesystem::file_size(pages.path(), error);
+    for (Page const& page : pages.taken()) {
+        if (page.begin == 0) return;
+        if (!error && page.end > size)
+            pages.fail(text("ended early: a page's voxels end at byte ", static_cast<std::int64_t>(page.end), " of ",
+                            static_cast<std::int64_t>(size)));
     }
     bool const one_block = pages.taken().size() == 1 && about.images > 1;
     auto const slice = static_cast<std::int64_t>(pages.taken().front().width) * pages.taken().front().height *
                        pages.taken().front().bits / 8;
-    for (Plane const& plane : planes)
-        grids.places.push_back(one_block ? of_page[0] + static_cast<std::int64_t>(plane.page) * slice
-                                         : of_page[plane.page]);
+    for (Plane const& plane : planes) {
+        Page const& page = pages.taken()[one_block ? 0 : plane.page];
+        grids.places.push_back(static_cast<std::int64_t>(page.begin) +
+                               (one_block ? static_cast<std::int64_t>(plane.page) * slice : 0));
+    }
     grids.big_endian = TIFFIsBigEndian(pages.handle()) != 0;
 }
 

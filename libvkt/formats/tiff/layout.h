@@ -29,6 +29,7 @@ std::vector<Plane> arrange(Pages const& pages, TiffDescription const& about, Par
 void read_geometry(Pages const& pages, TiffDescription const& about, Header& header);
 
 /// Where the planes lie in the file, if they are there as they are wanted, each in one piece.
-void find_places(Pages& pages, std::vector<Plane> const& planes, TiffDescription const& about, ParsedGrids& grids);
+void find_places(Pages const& pages, std::vector<Plane> const& planes, TiffDescription const& about,
+                 ParsedGrids& grids);
 
 } // namespace vkt::tiff

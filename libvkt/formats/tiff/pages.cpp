@@ -37,6 +37,28 @@ double as_written(float ratio) {
     return value;
 }
 
+/// Notes where the voxels of libtiff's page lie, if they are dense.
+void find_voxels(TIFF* tiff, Page& page) {
+    if (page.compression != COMPRESSION_NONE || page.tiled || page.samples != 1 || page.bits % 8 != 0 ||
+        page.bits == 24)
+        return;
+    std::uint16_t order = FILLORDER_MSB2LSB;
+    TIFFGetFieldDefaulted(tiff, TIFFTAG_FILLORDER, &order);
+    std::uint32_t rows = 0;
+    TIFFGetFieldDefaulted(tiff, TIFFTAG_ROWSPERSTRIP, &rows);
+    rows = std::min(rows, page.height);
+    if (order != FILLORDER_MSB2LSB || rows == 0) return;
+    std::uint64_t const row = std::uint64_t{page.width} * page.bits / 8, begin = TIFFGetStrileOffset(tiff, 0);
+    if (begin > std::uint64_t{1} << 62) return;
+    std::uint64_t next = begin;
+    for (std::uint32_t i = 0, strips = TIFFNumberOfStrips(tiff); i < strips; ++i) {
+        if (TIFFGetStrileOffset(tiff, i) != next) return;
+        next += row * std::min<std::uint64_t>(rows, page.height - std::uint64_t{i} * rows);
+    }
+    page.begin = begin;
+    page.end = next;
+}
+
 } // namespace
 
 std::string& complaint() {
@@ -47,7 +69,7 @@ std::string& complaint() {
 Pages::Pages(std::string const& path) : path_(path) {
     TIFFSetErrorHandler(complain);
     TIFFSetWarningHandler(nullptr);
-    tiff_ = TIFFOpen(path.c_str(), "rO"); // tables of strips are read as they are needed
+    tiff_ = TIFFOpen(path.c_str(), "rOm"); // tables of strips are read as they are needed
     if (tiff_ == nullptr) fail(text("libtiff cannot open it: ", complaint()));
     own_ = tiff_;
     std::error_code error;
@@ -92,6 +114,7 @@ Page Pages::page_here() {
                  "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
     }
     if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
+    find_voxels(tiff_, p);
     return p;
 }
 
@@ -190,7 +213,7 @@ void Pages::open_file(std::size_t number) {
     if (number == 0) return;
     std::string const& name = files_[number - 1];
     complaint().clear();
-    other_ = TIFFOpen(name.c_str(), "rO");
+    other_ = TIFFOpen(name.c_str(), "rOm");
     if (other_ == nullptr)
         fail(text("the file '", name, "' that its description names cannot be opened: ", complaint()),
              "put all files of the image into one folder");

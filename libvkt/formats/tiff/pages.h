@@ -25,6 +25,8 @@ struct Page {
     std::uint16_t bits = 1, format = SAMPLEFORMAT_UINT, samples = 1, planar = PLANARCONFIG_CONTIG, photometric = 0,
                   compression = COMPRESSION_NONE, orientation = ORIENTATION_TOPLEFT;
     bool tiled = false;
+    /// Where its voxels begin and end in the file, if they lie there as they are wanted and in one piece; else 0.
+    std::uint64_t begin = 0, end = 0;
     bool reduced = false;    ///< of another page, or a mask
     std::int64_t levels = 0; ///< sub-images, smaller ones of the same
 

@@ -78,7 +78,7 @@ std::vector<std::string> Dump::input_names() const { return {!file_.empty() ? fi
 
 void Dump::parameters(Parameters& p) {
     p.positional("in", in_, "input: a file of any known format, a stream, or '-' (the default)").optional();
-    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "print only these voxels (half-open)");
+    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "print only these voxels (half-open); X0:X1:S is every S-th");
     p.option("first", first, "X Y Z", "print from this voxel (volkit)");
     p.option("last", last, "X Y Z", "up to, not including, this voxel (volkit)");
     p.option("input", file_, "FILE", "the volume, in volkit's spelling").short_form('i').not_in_history();
@@ -91,19 +91,19 @@ void Dump::check() const {
     if (first && !roi.empty()) throw Error(ErrorKind::usage, "--roi and --first/--last say the same: give one of them");
 }
 
-Box Dump::region(Index3 dims) const {
-    if (!first) return roi.resolve(dims);
+SteppedBox Dump::region(Index3 dims) const {
+    if (!first) return roi.resolve_steps(dims);
     Box const box{*first, *last};
     if (box.empty()) throw Error(ErrorKind::usage, text("the range ", box, " is empty"));
     if (!box_of(dims).contains(box))
         throw Error(ErrorKind::usage, text("the range ", box, " leaves the volume of ", dims, " voxels"));
-    return box;
+    return {box};
 }
 
 Plan Dump::plan(std::span<Header const> inputs) const {
     if (inputs.front().kind != Kind::structured)
         throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
-    Box const shown = region(inputs.front().dims);
+    Box const shown = box_of(region(inputs.front().dims).dims());
     Plan plan;
     plan.output = inputs.front();
     plan.method = "text";
@@ -117,29 +117,33 @@ void Dump::measure(Measurement& to) {
     while (source.next_volume()) {
         if (only_planned(*this, to)) continue;
         Header const header = source.header();
-        Box const box = region(header.dims);
+        SteppedBox const region = this->region(header.dims);
+        Box const box = box_of(region.dims());
+        Index3 const step = region.step;
         bool const single =
             header.values == ValueMap{} && (header.dtype == DataType::float32 || header.dtype == DataType::float16);
         to.print(head(header));
-        source.expect(box);
+        source.expect(region.box);
         // Text takes several times the room of the voxels.
-        auto const row_bytes = static_cast<std::size_t>(box.dims().x) * 8 * size_of(header.dtype);
+        Index3 const extent = region.box.dims();
+        auto const row_bytes = static_cast<std::size_t>(extent.x * step.y) * 8 * size_of(header.dtype);
         auto const rows = static_cast<std::int64_t>(piece_limit(to.execution) / row_bytes);
         bool const as_stored = header.values == ValueMap{};
         Buffer buffer;
-        std::vector<double> row(static_cast<std::size_t>(box.dims().x));
+        std::vector<double> row(static_cast<std::size_t>(extent.x));
         for_each_piece(box, {1, std::clamp<std::int64_t>(rows, 1, box.dims().y)}, [&](Box const& piece) {
-            std::int64_t const z = piece.lower.z;
-            buffer.reserve(static_cast<std::size_t>(piece.voxels()) * size_of(header.dtype));
-            AnyView const view = dense_view(buffer.write(Space::host), header.dtype, piece);
+            Box const held = region.source(piece); // whose places in the volume are those that are shown
+            std::int64_t const z = held.lower.z;
+            buffer.reserve(static_cast<std::size_t>(held.voxels()) * size_of(header.dtype));
+            AnyView const view = dense_view(buffer.write(Space::host), header.dtype, held);
             source.read(view);
-            std::string lines = piece.lower.y == box.lower.y ? text("[", z, "]\n{\n") : "";
-            for (std::int64_t y = piece.lower.y; y < piece.upper.y; ++y) {
+            std::string lines = piece.lower.y == 0 ? text("[", z, "]\n{\n") : "";
+            for (std::int64_t y = held.lower.y; y < held.upper.y; y += step.y) {
                 lines += text("  [", y, "] {");
                 read_row(view, y, z, row.data());
-                for (std::size_t x = 0; x < row.size(); ++x) {
+                for (std::size_t x = 0; x < row.size(); x += static_cast<std::size_t>(step.x)) {
                     if (x > 0) lines += ", ";
-                    std::byte const* const stored = view.at(piece.lower.x + static_cast<std::int64_t>(x), y, z);
+                    std::byte const* const stored = view.at(held.lower.x + static_cast<std::int64_t>(x), y, z);
                     if (as_stored && header.dtype == DataType::int64)
                         append_integer<std::int64_t>(lines, stored);
                     else if (as_stored && header.dtype == DataType::uint64)
@@ -151,7 +155,7 @@ void Dump::measure(Measurement& to) {
                 }
                 lines += "}\n";
             }
-            if (piece.upper.y == box.upper.y) lines += z + 1 < box.upper.z ? "}\n\n" : "}\n";
+            if (piece.upper.y == box.upper.y) lines += piece.upper.z < box.upper.z ? "}\n\n" : "}\n";
             to.print(lines);
         });
         source.finish();

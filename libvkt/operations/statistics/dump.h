@@ -29,7 +29,7 @@ public:
     void measure(Measurement& to) override;
 
 private:
-    Box region(Index3 dims) const;
+    SteppedBox region(Index3 dims) const;
 
     std::string in_, file_;
 };

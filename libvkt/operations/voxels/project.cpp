@@ -2,13 +2,20 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/project.h"
 
+#include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/voxels/axis_order.h"
 #include "libvkt/operations/voxels/kernels/median_lines.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
+namespace {
+
+constexpr std::size_t gathered_bytes = std::size_t{1} << 20;
+
+} // namespace
 
 VKT_OPERATION(Project, "project")
 
@@ -28,21 +35,21 @@ Texts Project::texts() const {
 void Project::parameters(Parameters& parameters) {
     parameters.positional("what", kind, "max, min, mean, sum, std or median");
     parameters.option("axis", axis, "AXIS", "axis along which voxels are reduced");
-    parameters.option("roi", roi, "REGION", "project only the voxels of this region");
+    parameters.option("roi", roi, "REGION", "project only the voxels of this region; X0:X1:S is every S-th");
 }
 
 ProjectionState Project::state_for(Header const& in) const {
     Projection stored = kind;
     if (in.values.slope < 0 && kind == Projection::max) stored = Projection::min;
     if (in.values.slope < 0 && kind == Projection::min) stored = Projection::max;
-    return ProjectionState(stored, in.dtype, static_cast<int>(axis), roi.resolve(in.dims).dims());
+    return ProjectionState(stored, in.dtype, static_cast<int>(axis), roi.resolve_steps(in.dims).dims());
 }
 
 Plan Project::plan(std::span<Header const> inputs) const {
     Header in = inputs[0];
-    Box const region = roi.resolve(in.dims);
+    SteppedBox const region = roi.resolve_steps(in.dims);
     in.dims = region.dims();
-    in.geometry = cropped(in.geometry, region.lower);
+    in.geometry = region.geometry(in.geometry);
     int const along = static_cast<int>(axis);
     DataType const type = in.dtype;
     Header flat = in;
@@ -96,13 +103,13 @@ Plan Project::plan(std::span<Header const> inputs) const {
     plan.method = sorts ? "sorted lines" : "one pass, an accumulator a pixel";
     plan.scans = !sorts;
     plan.cost = n * (sorts ? 40 : kind == Projection::std ? 8 : 3);
-    plan.state_bytes = sorts ? 0 : state_for(inputs[0]).bytes();
+    plan.state_bytes = sorts ? 0 : state_for(inputs[0]).bytes() + (region.dense() ? 0 : gathered_bytes);
     return plan;
 }
 
 void Project::begin(std::span<Header const> inputs, Plan const&) {
     Header const& in = inputs[0];
-    region_ = roi.resolve(in.dims);
+    region_ = roi.resolve_steps(in.dims);
     dims_ = region_.dims();
     type_ = in.dtype;
     state_ = state_for(in);
@@ -113,31 +120,59 @@ void Project::begin(std::span<Header const> inputs, Plan const&) {
 Box Project::footprint(Box const& output, int) const {
     if (kind != Projection::median) return {};
     auto const axes = axes_without(static_cast<int>(axis));
-    Box box = region_;
+    Box box = box_of(dims_);
     for (int k = 0; k < 2; ++k) {
         int const along = axes[static_cast<std::size_t>(k)];
-        box.lower[along] = region_.lower[along] + output.lower[k];
-        box.upper[along] = region_.lower[along] + output.upper[k];
+        box.lower[along] = output.lower[k];
+        box.upper[along] = output.upper[k];
     }
-    return box;
+    return region_.source(box);
+}
+
+Box Project::taken_of(Box const& slab) const {
+    Box taken;
+    for (int a = 0; a < 3; ++a) {
+        std::int64_t const step = region_.step[a], lower = region_.box.lower[a];
+        taken.lower[a] = std::max<std::int64_t>((slab.lower[a] - lower + step - 1) / step, 0);
+        taken.upper[a] = slab.upper[a] <= lower ? 0 : std::min((slab.upper[a] - 1 - lower) / step + 1, dims_[a]);
+    }
+    return taken;
+}
+
+ConstView Project::gathered(ConstView const& slab, Box const& taken) {
+    gathered_.resize(static_cast<std::size_t>(taken.voxels()) * size_of(slab.type));
+    AnyView const to = dense_view(gathered_.data(), slab.type, taken);
+    copy_every(slab.part(region_.source(taken)), region_.step, to);
+    return to;
 }
 
 void Project::scan(ConstView slab, Execution const& execution) {
-    Box const inside = intersect(slab.box, region_);
-    if (!inside.empty()) project_add(state_, slab.part(inside).moved_to(inside.lower - region_.lower), execution);
+    Box const taken = taken_of(slab.box);
+    if (taken.empty()) return;
+    if (region_.dense()) return project_add(state_, slab.part(region_.source(taken)).moved_to(taken.lower), execution);
+    // A few rows at a time, which stay in the caches.
+    std::int64_t const most = static_cast<std::int64_t>(
+        std::max<std::size_t>(1, gathered_bytes / (static_cast<std::size_t>(taken.dims().x) * size_of(slab.type))));
+    for (std::int64_t z = taken.lower.z; z < taken.upper.z; ++z)
+        for (std::int64_t y = taken.lower.y; y < taken.upper.y; y += most) {
+            Box const rows{{taken.lower.x, y, z}, {taken.upper.x, std::min(y + most, taken.upper.y), z + 1}};
+            project_add(state_, gathered(slab, rows), execution);
+        }
 }
 
-std::size_t Project::fit(Index3, Execution const& execution) {
+std::size_t Project::fit(Index3 largest, Execution const& execution) {
     if (kind != Projection::median) return 0;
-    return median_line_bytes(type_, dims_[static_cast<int>(axis)]) *
-           static_cast<std::size_t>(std::max(1, execution.threads));
+    int const along = static_cast<int>(axis);
+    std::size_t const lines = region_.dense() ? 0 : static_cast<std::size_t>(largest.x * largest.y * dims_[along]);
+    return lines * size_of(type_) +
+           median_line_bytes(type_, dims_[along]) * static_cast<std::size_t>(std::max(1, execution.threads));
 }
 
 void Project::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    if (kind == Projection::median)
-        median_lines(inputs[0].part(footprint(out.box, 0)), out, static_cast<int>(axis), nan_, execution);
-    else
-        project_store(state_, out, counts_, execution);
+    if (kind != Projection::median) return project_store(state_, out, counts_, execution);
+    ConstView in = inputs[0].part(footprint(out.box, 0));
+    if (!region_.dense()) in = gathered(in, taken_of(in.box));
+    median_lines(in, out, static_cast<int>(axis), nan_, execution);
 }
 
 std::vector<std::int64_t*> Project::counters() {

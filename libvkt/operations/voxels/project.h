@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/large_vector.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/voxels/kernels/project.h"
 
@@ -38,12 +39,12 @@ public:
     void begin(std::span<Header const> inputs, Plan const& plan) override;
     /// Empty but for medians: all else has been seen by then.
     Box footprint(Box const& output, int input) const override;
-    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
+    Box scanned(Box const& whole) const override { return intersect(whole, region_.box); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override {}
     std::size_t fit(Index3 largest, Execution const& execution) override;
     /// Medians hold whole lines, and sort them on CPUs.
-    bool runs_on_gpu() const override { return kind != Projection::median; }
+    bool runs_on_gpu() const override { return kind != Projection::median && !roi.has_steps(); }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override;
@@ -52,9 +53,14 @@ public:
 private:
     /// Accumulators of what was asked for, in stored values; nothing was added yet.
     ProjectionState state_for(Header const& in) const;
+    /// Those of the voxels of the region, by its own numbers, that a slab has.
+    Box taken_of(Box const& slab) const;
+    /// Voxels of a region with steps, by its own numbers, gathered out of the slab that has them.
+    ConstView gathered(ConstView const& slab, Box const& taken);
 
-    Box region_;
+    SteppedBox region_;
     Index3 dims_; ///< of the region
+    LargeVector<std::byte> gathered_;
     DataType type_ = DataType::uint8;
     ProjectionState state_;
     std::int64_t nan_ = 0; ///< of medians

@@ -269,7 +269,7 @@ class Volume:
 
     def write(self, path: "str | os.PathLike[str]", **options: Any) -> None:
         """Writes a file whose name tells the format. Options are those of `vkt write`: force, compress, format; into an
-        HDF5 dataset that is there, write("file.h5:/data", at=(x, y, z), force=True)."""
+        HDF5 dataset or a Zarr array that is there, write("file.h5:/data", at=(x, y, z), force=True)."""
         check(library.vkt_write(self._handle, os.fsencode(path), *words_of(option_words(options))))
 
     def apply(self, name: str, *arguments: Any, **options: Any) -> Any:
