@@ -282,8 +282,8 @@ for name in 'gaps', 'cube3', 'cube5':
 @test "near the largest numbers results are those of smaller ones, to the bit, where they have room themselves" {
     setup_more
     local kernel
-    for kernel in cube3 cube5 gaps long product two; do same_at_the_top vkt filter kernel $kernel.txt --method direct; done
-    for kernel in product two; do same_at_the_top vkt filter kernel $kernel.txt --method separable; done
+    for kernel in cube3 gaps long; do same_at_the_top vkt filter kernel $kernel.txt --method direct; done
+    same_at_the_top vkt filter kernel two.txt --method separable
     # Sums of transforms are rounded otherwise; what they have no room for is summed up directly.
     vkt filter kernel large.txt --method fft large_19x18x17_float64.raw | vkt write - --format raw >fft.raw
     vkt filter kernel large.txt --method direct large_19x18x17_float64.raw | vkt write - --format raw | cmp - fft.raw
