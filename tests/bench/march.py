@@ -105,6 +105,9 @@ def main():
     n = options.size
     print("processor ms of a frame: VTK, vkt with all rays and steps, vkt within half a level; VTK over both; "
           "largest difference of these two, levels")
+    held = vtkRenderWindow()  # an X server that its last window leaves starts anew, and refuses the next one meanwhile
+    held.SetOffScreenRendering(1)
+    held.Render()
     with tempfile.TemporaryDirectory() as folder:
         for scene in options.scenes:
             name, kind, look = scene.split(":")
