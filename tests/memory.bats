@@ -345,3 +345,15 @@ import sys
 assert float(sys.argv[1]) <= 8
 EOF
 }
+
+# A component every thirteen voxels: what is told of one takes 200 bytes, and 72 in the table of components.
+@test "a report of every component takes no more than their table once more" {
+    vkt make noise --dims 128 128 128 --dtype uint8 --high 255 --seed 1 | vkt threshold --above 190 -o noise.nrrd
+    base=$(peak_kib vkt label noise.nrrd -q -o o.vkt --force)
+    most=$(peak_kib vkt label noise.nrrd -q -o o.vkt --force --report report.json)
+    components=$(sed -n 's/.*"components": \([0-9]*\),/\1/p' report.json)
+    echo "$components components, $base KiB, with the report $most KiB" >&3
+    [ "$components" -gt 100000 ]
+    [ "$(grep -c '"label":' report.json)" -eq "$components" ]
+    [ $((most - base)) -le $((components * 72 / 1024 * 3 / 2 + 8192)) ]
+}

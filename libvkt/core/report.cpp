@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -92,7 +93,13 @@ Report& Report::add_number(std::string name, std::string const& digits) {
 }
 
 Report& Report::add(std::string name, std::vector<Report> rows) {
-    fields_.push_back({std::move(name), rows.empty() ? "none" : "", Kind::table, std::move(rows)});
+    std::size_t const count = rows.size();
+    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, std::move(rows), count});
+    return *this;
+}
+
+Report& Report::add(std::string name, std::size_t count, std::function<Report(std::size_t)> row) {
+    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, {}, count, std::move(row)});
     return *this;
 }
 
@@ -133,14 +140,17 @@ Report& Report::write_as(ReportForm form, std::string content) {
 }
 
 std::string Report::table(std::vector<Report> const& rows) {
+    return table(Field{"", "", Kind::table, rows, rows.size()});
+}
+
+std::string Report::table(Field const& field) {
     std::vector<std::size_t> widths;
-    for (Field const& field : rows.front().fields_) widths.push_back(printable(field.name).size());
-    for (Report const& row : rows) {
+    std::string result;
+    auto const widen = [&](Report const& row, std::string Field::*which) {
         widths.resize(std::max(widths.size(), row.fields_.size()));
         for (std::size_t i = 0; i < row.fields_.size(); ++i)
-            widths[i] = std::max(widths[i], printable(row.fields_[i].text).size());
-    }
-    std::string result;
+            widths[i] = std::max(widths[i], printable(row.fields_[i].*which).size());
+    };
     auto const add_line = [&](Report const& row, std::string Field::*which) {
         std::size_t const n = row.fields_.size();
         for (std::size_t i = 0; i < n; ++i) {
@@ -150,8 +160,11 @@ std::string Report::table(std::vector<Report> const& rows) {
         }
         result += '\n';
     };
-    add_line(rows.front(), &Field::name);
-    for (Report const& row : rows) add_line(row, &Field::text);
+    Report const first = field.row ? field.row(0) : field.rows.front();
+    widen(first, &Field::name);
+    field.for_each_row([&](Report const& row) { widen(row, &Field::text); });
+    add_line(first, &Field::name);
+    field.for_each_row([&](Report const& row) { add_line(row, &Field::text); });
     return result;
 }
 
@@ -162,8 +175,8 @@ std::string Report::text() const {
     std::string result;
     for (auto const& field : fields_) {
         std::string const name = printable(field.name);
-        if (!field.rows.empty()) {
-            result += table(field.rows);
+        if (field.count > 0) {
+            result += table(field);
             continue;
         }
         result += name;
@@ -175,17 +188,29 @@ std::string Report::text() const {
 }
 
 std::string Report::json(int indent) const {
-    if (written(ReportForm::json)) return *written(ReportForm::json);
+    std::string result;
+    print_json([&](std::string_view piece) { result += piece; }, indent);
+    return result;
+}
+
+void Report::print_json(Printer const& to, int indent) const {
+    if (written(ReportForm::json)) return to(*written(ReportForm::json));
     std::string const margin(static_cast<std::size_t>(indent), ' ');
-    std::string result = "{";
+    to("{");
     for (std::size_t i = 0; i < fields_.size(); ++i) {
-        std::string value = fields_[i].rows.empty() ? fields_[i].json() : "";
-        for (Report const& row : fields_[i].rows)
-            value += vkt::text(value.empty() ? "[\n" : ",\n", margin, "    ", row.json(indent + 4));
-        if (!fields_[i].rows.empty()) value += vkt::text("\n", margin, "  ]");
-        result += vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(fields_[i].name), ": ", value);
+        Field const& field = fields_[i];
+        to(vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(field.name), ": "));
+        if (field.count == 0) {
+            to(field.json());
+            continue;
+        }
+        bool first = true;
+        field.for_each_row([&](Report const& row) {
+            to(vkt::text(std::exchange(first, false) ? "[\n" : ",\n", margin, "    ", row.json(indent + 4)));
+        });
+        to(vkt::text("\n", margin, "  ]"));
     }
-    return result += vkt::text("\n", margin, "}");
+    to(vkt::text("\n", margin, "}"));
 }
 
 std::string Report::text(std::vector<Report> const& reports) {
@@ -205,10 +230,22 @@ std::string Report::text(std::vector<Report> const& reports) {
 }
 
 std::string Report::json(std::vector<Report> const& reports) {
-    if (reports.size() == 1) return reports.front().json() + "\n";
-    std::string result = "[";
-    for (std::size_t i = 0; i < reports.size(); ++i) result += vkt::text(i == 0 ? "\n  " : ",\n  ", reports[i].json(2));
-    return result += "\n]\n";
+    std::string result;
+    json(reports, [&](std::string_view piece) { result += piece; });
+    return result;
+}
+
+void Report::json(std::vector<Report> const& reports, Printer const& to) {
+    if (reports.size() == 1) {
+        reports.front().print_json(to, 0);
+        return to("\n");
+    }
+    to("[");
+    for (std::size_t i = 0; i < reports.size(); ++i) {
+        to(i == 0 ? "\n  " : ",\n  ");
+        reports[i].print_json(to, 2);
+    }
+    to("\n]\n");
 }
 
 void Report::csv_into(std::string& lines, std::string& last_names) const {
@@ -237,11 +274,11 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
     bool any_table = false;
     for (Field const& field : fields_) {
         any_table = any_table || field.kind == Kind::table;
-        for (Report const& row : field.rows) {
+        field.for_each_row([&](Report const& row) {
             std::string row_names = names, row_values = values;
             add_fields(row_names, row_values, row);
             add_line(row_names, row_values);
-        }
+        });
     }
     if (!any_table) add_line(names, values);
 }

@@ -5,7 +5,9 @@
 #include "libvkt/core/types.h"
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -31,6 +33,8 @@ public:
     Report& add(std::string name, std::optional<Index3> const& value);
     /// A table: reports of the same fields.
     Report& add(std::string name, std::vector<Report> rows);
+    /// The same of so many rows that they are made as they are printed, each time: of data that the function holds.
+    Report& add(std::string name, std::size_t count, std::function<Report(std::size_t)> row);
     /// A list of numbers.
     Report& add(std::string name, std::vector<double> const& values);
     /// A number given as its decimal text ("nan" and "inf" are null in JSON).
@@ -42,9 +46,13 @@ public:
     std::string text() const;               ///< one "name   value" line per field, printable()
     std::string json(int indent = 0) const; ///< one object
 
+    /// Takes what is printed piece by piece, at most a row of a table at once.
+    using Printer = std::function<void(std::string_view)>;
+
     /// One report as it is, several as a list.
     static std::string text(std::vector<Report> const& reports);
     static std::string json(std::vector<Report> const& reports);
+    static void json(std::vector<Report> const& reports, Printer const& to);
     /// A line of names and a line of values for each report, or for each row of its tables, which begins with what the
     /// report says besides; names again where they change. Of three numbers each has a column: NAME_x, NAME_y, NAME_z.
     static std::string csv(std::vector<Report> const& reports);
@@ -58,9 +66,21 @@ private:
     struct Field {
         std::string name, text; ///< numbers of a triple and of a list with a space between
         Kind kind = Kind::word;
-        std::vector<Report> rows{}; ///< of a table, instead of the text
+        std::vector<Report> rows{};               ///< of a table, instead of the text
+        std::size_t count = 0;                    ///< of rows
+        std::function<Report(std::size_t)> row{}; ///< makes one, instead of those
         std::string json() const;
+        /// Calls visit(row) for each.
+        template <class Visit> void for_each_row(Visit const& visit) const {
+            for (std::size_t i = 0; i < count; ++i)
+                if (row)
+                    visit(row(i));
+                else
+                    visit(rows[i]);
+        }
     };
+    void print_json(Printer const& to, int indent) const;
+    static std::string table(Field const& field);
     std::optional<std::string> const& written(ReportForm form) const {
         return written_[static_cast<std::size_t>(form)];
     }

@@ -65,8 +65,17 @@ StageInfo Runner::stage_info(Invocation const& stage) {
         auto const write = [&stage, collected] {
             if (collected->empty()) return;
             OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
-            std::string const text = Report::json(*collected);
-            file.write(text.data(), text.size());
+            constexpr std::size_t at_once = 1 << 20; // a report may have a row for every few voxels
+            std::string written;
+            auto const flush = [&] {
+                file.write(written.data(), written.size());
+                written.clear();
+            };
+            Report::json(*collected, [&](std::string_view piece) {
+                written += piece;
+                if (written.size() >= at_once) flush();
+            });
+            flush();
             file.commit();
         };
         bool const replaced = is_replaced(stage.common().report_file);

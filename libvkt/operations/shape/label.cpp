@@ -198,25 +198,26 @@ Report Label::report() const {
     std::size_t const labels = everything ? all.size() : labelled_.size();
     result.add("components", static_cast<std::int64_t>(all.size()));
     result.add("labelled", static_cast<std::int64_t>(labels));
-    std::vector<Report> rows;
-    for (std::size_t i = 0; i < labels; ++i) {
-        ComponentFacts const& c = all[everything ? i : labelled_[i]];
+    // There may be a label for every few voxels: what is told of one is made when it is printed.
+    auto const facts = std::make_shared<LargeVector<ComponentFacts>>();
+    facts->reserve(labels);
+    for (std::size_t i = 0; i < labels; ++i) facts->push_back(all[everything ? i : labelled_[i]]);
+    result.add("labels", labels, [facts, lower = region_.lower, geometry = input_.geometry](std::size_t i) {
+        ComponentFacts const& c = (*facts)[i];
         auto const n = static_cast<long double>(c.size);
-        auto const centre = [&](std::uint64_t sum, std::int64_t lower) {
-            return static_cast<double>(static_cast<long double>(sum) / n + static_cast<long double>(lower));
+        auto const centre = [&](std::uint64_t sum, std::int64_t from) {
+            return static_cast<double>(static_cast<long double>(sum) / n + static_cast<long double>(from));
         };
-        Vec3 const centroid{centre(c.sum_x, region_.lower.x), centre(c.sum_y, region_.lower.y),
-                            centre(c.sum_z, region_.lower.z)};
+        Vec3 const centroid{centre(c.sum_x, lower.x), centre(c.sum_y, lower.y), centre(c.sum_z, lower.z)};
         Report row;
         row.add("label", static_cast<std::int64_t>(i + 1));
         row.add("size", static_cast<std::int64_t>(c.size));
-        row.add("lower", Index3{c.lower_x, c.lower_y, c.lower_z} + region_.lower);
-        row.add("upper", Index3{c.upper_x, c.upper_y, c.upper_z} + region_.lower);
+        row.add("lower", Index3{c.lower_x, c.lower_y, c.lower_z} + lower);
+        row.add("upper", Index3{c.upper_x, c.upper_y, c.upper_z} + lower);
         row.add("centroid", centroid);
-        row.add("centroid_world", index_to_world(input_.geometry, centroid));
-        rows.push_back(std::move(row));
-    }
-    result.add("labels", std::move(rows));
+        row.add("centroid_world", index_to_world(geometry, centroid));
+        return row;
+    });
     return result;
 }
 
