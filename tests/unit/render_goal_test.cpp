@@ -57,6 +57,7 @@ RenderSettings small(int size) {
     RenderSettings s;
     s.width = s.height = size;
     s.background = black;
+    s.camera.fit = Fit::volume;
     s.domain = "0:200";
     s.opacity = "0,0.05,0.4";
     s.colormap = "grey";
@@ -81,8 +82,8 @@ TEST(RenderGoal, ToleranceBoundsTheErrorOfEdges) {
         RenderReport report;
         Image const image = render::render(volume, s, default_execution(), &report);
         Apart const off = apart(image, reference, tolerance);
-        EXPECT_LE(off.above, 16) << tolerance; // 1 %
-        EXPECT_LT(off.most, 6 * tolerance);    // of the few that the estimate misses
+        EXPECT_LE(off.above, 8) << tolerance; // 0.5 %
+        EXPECT_LT(off.most, 6 * tolerance);   // of the few that the estimate misses
         EXPECT_LT(off.rms, tolerance / 2);
         EXPECT_EQ(report.quality.above, 0);
         EXPECT_LE(report.quality.worst, tolerance);

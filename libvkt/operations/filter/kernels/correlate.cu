@@ -425,11 +425,17 @@ __device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> 
 }
 
 /// What is not finite is made once more: some weights may be 0, which adds nothing, to a sum that is never -0, but of
-/// what is not finite; and voxels may be too large.
+/// what is not finite; and voxels may be too large. Inlined: a call takes registers from all threads, a sixth of the
+/// time.
 template <class C, class T>
-__device__ __noinline__ C cube_again(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
-    C const sum = cube_at<C, T>(at, in, cube, C(1));
-    return is_finite(sum) ? sum : cube_at<C, T>(at, in, cube, cube.headroom) / cube.headroom;
+__device__ __forceinline__ C cube_again(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
+    C scale = 1, sum = cube_at<C, T>(at, in, cube, scale);
+#pragma unroll 1
+    while (!is_finite(sum) && scale != cube.headroom) {
+        scale = cube.headroom;
+        sum = cube_at<C, T>(at, in, cube, scale) / scale;
+    }
+    return sum;
 }
 
 /// `Floats`: voxels of which sums may not be finite.
