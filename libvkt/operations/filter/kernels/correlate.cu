@@ -409,33 +409,36 @@ template <class C> struct Cube {
 /// voxels whose neighbour it is.
 constexpr int cube_x = 64, cube_y = 4, cube_rows = 4, cube_slices = 32;
 
-/// The same for one voxel, in the same order, of voxels times a power of two; weights of 0 take no part, whatever the
-/// voxel is.
-template <class C, class T>
-__device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube, C scale) {
+/// The same for one voxel, in the same order, of voxels times a power of two if Scaled; weights of 0 take no part,
+/// whatever the voxel is.
+template <bool Scaled, class C, class T>
+__device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
     C sum = 0;
     for (int k = 0; k < 27; ++k)
-        if (cube.weight[k] != 0)
-            sum = madd(cube.weight[k],
-                       static_cast<C>(reinterpret_cast<T const*>(at + (k / 9 - 1) * in.slice +
-                                                                 (k / 3 % 3 - 1) * in.row)[k % 3 - 1]) *
-                           scale,
-                       sum);
-    return sum;
+        if (cube.weight[k] != 0) {
+            C const value = static_cast<C>(
+                reinterpret_cast<T const*>(at + (k / 9 - 1) * in.slice + (k / 3 % 3 - 1) * in.row)[k % 3 - 1]);
+            sum = madd(cube.weight[k], Scaled ? value * cube.headroom : value, sum);
+        }
+    return Scaled ? sum / cube.headroom : sum;
 }
 
-/// What is not finite is made once more: some weights may be 0, which adds nothing, to a sum that is never -0, but of
-/// what is not finite; and voxels may be too large. Inlined: a call takes registers from all threads, a sixth of the
-/// time.
+/// A thread's results that are not finite, once more, of smaller voxels. Apart, when all others are done: it takes no
+/// registers from them.
 template <class C, class T>
-__device__ __forceinline__ C cube_again(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
-    C scale = 1, sum = cube_at<C, T>(at, in, cube, scale);
-#pragma unroll 1
-    while (!is_finite(sum) && scale != cube.headroom) {
-        scale = cube.headroom;
-        sum = cube_at<C, T>(at, in, cube, scale) / scale;
-    }
-    return sum;
+__device__ __noinline__ driver::LossCounts column_again(std::byte const* from, std::byte* to, driver::DeviceRows in,
+                                                        driver::DeviceRows out, Cube<C> const& cube, int rows,
+                                                        int slices) {
+    driver::LossCounts counts;
+    for (int z = 0; z < slices; ++z)
+        for (int r = 0; r < rows; ++r) {
+            std::byte const* const at = from + z * in.slice + r * in.row;
+            if (is_finite(cube_at<false, C, T>(at, in, cube))) continue;
+            C const sum = cube_at<true, C, T>(at, in, cube);
+            driver::store_value(out.type, to + z * out.slice + r * out.row, cube.offset != 0 ? sum + cube.offset : sum,
+                                counts);
+        }
+    return counts;
 }
 
 /// `Floats`: voxels of which sums may not be finite.
@@ -467,6 +470,7 @@ __global__ void __launch_bounds__(cube_x* cube_y)
         };
         load(from);
         C above[cube_rows] = {}, middle[cube_rows] = {}; // sums for this slice and for the one before, so far
+        bool again = false;
         std::byte* to = out.at(x, y, z0 - 2);
         for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice, to += out.slice) {
             C v[cube_rows + 2][3];
@@ -488,7 +492,13 @@ __global__ void __launch_bounds__(cube_x* cube_y)
                 middle[r] = here;
                 above[r] = next;
                 if (z == z0 - 1 || z == z0 || r >= rows) continue;
-                if (Floats && !is_finite(below)) below = cube_again<C, T>(from - in.slice + r * in.row, in, cube);
+                if (Floats && !is_finite(below)) { // weights of 0 add nothing to a sum but of what is not finite
+                    below = cube_at<false, C, T>(from - in.slice + r * in.row, in, cube);
+                    if (!is_finite(below)) {
+                        again = true;
+                        continue;
+                    }
+                }
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
                 if (std::is_same_v<T, C> && out.type == in.type)
                     *reinterpret_cast<C*>(to + r * out.row) = sum;
@@ -496,6 +506,9 @@ __global__ void __launch_bounds__(cube_x* cube_y)
                     driver::store_value(out.type, to + r * out.row, sum, counts);
             }
         }
+        if (again)
+            counts +=
+                column_again<C, T>(in.at(x, y, z0), out.at(x, y, z0), in, out, cube, rows, static_cast<int>(end - z0));
     }
     driver::add_counts(counts, totals);
 }
