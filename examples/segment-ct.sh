@@ -27,7 +27,7 @@ deepest=$(vkt stats "$out/depth.nrrd" | awk '$1 == "max" { printf "%.2f", $2 }')
 vkt crop "$ct" --roi :,:,50%:+1 | vkt resample --scale 4,4,1 | vkt slice --range -160:240 -q --force -o "$out/ct-slice.png"
 
 # The surface is where the signed distance is 0: smooth, though the mask has steps. For the depth all above is taken away.
-camera='--size 320x320 --azimuth 150 --elevation 42 --zoom 1.2'
+camera='--size 320x320 --azimuth 150 --elevation 42'
 vkt distance "$out/bone.nrrd" --signed | vkt resample --spacing 0.6 --method cubic --force -o "$out/surface.vkt"
 # shellcheck disable=SC2086  # several words
 vkt render "$out/surface.vkt" --render-algo implicit-iso --iso 0 $camera --force -o "$out/ct-bone.png"

@@ -206,7 +206,7 @@ END
 @test "rays that are left out and the exact integral stand beside steps" {
     local look="--domain 0:200 --opacity 0,0.3 --size 40x32"
     # Which region fits a budget depends on the load: of the whole, since pictures of the whole are compared.
-    vkt chart "render $look" phantom.nrrd --roi :,:,: --keep threads,step --budget 1 --json >chart.json
+    vkt chart "render $look" phantom.nrrd --roi :,:,: --keep threads,step --budget 30 --json >chart.json
     for levels in 0.5 2; do
         # shellcheck disable=SC2086
         vkt render phantom.nrrd $look --leave-out $levels -o left-$levels.png

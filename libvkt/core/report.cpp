@@ -94,12 +94,14 @@ Report& Report::add_number(std::string name, std::string const& digits) {
 
 Report& Report::add(std::string name, std::vector<Report> rows) {
     std::size_t const count = rows.size();
-    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, std::move(rows), count});
+    auto table = std::make_shared<Rows const>(Rows{std::move(rows), count});
+    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, std::move(table)});
     return *this;
 }
 
 Report& Report::add(std::string name, std::size_t count, std::function<Report(std::size_t)> row) {
-    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, {}, count, std::move(row)});
+    auto table = std::make_shared<Rows const>(Rows{{}, count, std::move(row)});
+    fields_.push_back({std::move(name), count == 0 ? "none" : "", Kind::table, std::move(table)});
     return *this;
 }
 
@@ -140,10 +142,10 @@ Report& Report::write_as(ReportForm form, std::string content) {
 }
 
 std::string Report::table(std::vector<Report> const& rows) {
-    return table(Field{"", "", Kind::table, rows, rows.size()});
+    return table_of(rows.front(), [&](auto const& visit) { std::for_each(rows.begin(), rows.end(), visit); });
 }
 
-std::string Report::table(Field const& field) {
+template <class Visits> std::string Report::table_of(Report const& first, Visits const& for_each_row) {
     std::vector<std::size_t> widths;
     std::string result;
     auto const widen = [&](Report const& row, std::string Field::*which) {
@@ -160,11 +162,10 @@ std::string Report::table(Field const& field) {
         }
         result += '\n';
     };
-    Report const first = field.row ? field.row(0) : field.rows.front();
     widen(first, &Field::name);
-    field.for_each_row([&](Report const& row) { widen(row, &Field::text); });
+    for_each_row([&](Report const& row) { widen(row, &Field::text); });
     add_line(first, &Field::name);
-    field.for_each_row([&](Report const& row) { add_line(row, &Field::text); });
+    for_each_row([&](Report const& row) { add_line(row, &Field::text); });
     return result;
 }
 
@@ -175,8 +176,10 @@ std::string Report::text() const {
     std::string result;
     for (auto const& field : fields_) {
         std::string const name = printable(field.name);
-        if (field.count > 0) {
-            result += table(field);
+        if (field.has_rows()) {
+            Rows const& rows = *field.rows;
+            result +=
+                table_of(rows.row ? rows.row(0) : rows.made.front(), [&](auto const& visit) { rows.for_each(visit); });
             continue;
         }
         result += name;
@@ -200,12 +203,12 @@ void Report::print_json(Printer const& to, int indent) const {
     for (std::size_t i = 0; i < fields_.size(); ++i) {
         Field const& field = fields_[i];
         to(vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(field.name), ": "));
-        if (field.count == 0) {
+        if (!field.has_rows()) {
             to(field.json());
             continue;
         }
         bool first = true;
-        field.for_each_row([&](Report const& row) {
+        field.rows->for_each([&](Report const& row) {
             to(vkt::text(std::exchange(first, false) ? "[\n" : ",\n", margin, "    ", row.json(indent + 4)));
         });
         to(vkt::text("\n", margin, "  ]"));
@@ -274,7 +277,8 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
     bool any_table = false;
     for (Field const& field : fields_) {
         any_table = any_table || field.kind == Kind::table;
-        field.for_each_row([&](Report const& row) {
+        if (!field.has_rows()) continue;
+        field.rows->for_each([&](Report const& row) {
             std::string row_names = names, row_values = values;
             add_fields(row_names, row_values, row);
             add_line(row_names, row_values);

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -63,24 +64,29 @@ public:
 private:
     /// What a field's text is: JSON and CSV are made from it when they are printed, for a table may have a row a slice.
     enum class Kind : std::uint8_t { word, number, truth, triple, list, table };
-    struct Field {
-        std::string name, text; ///< numbers of a triple and of a list with a space between
-        Kind kind = Kind::word;
-        std::vector<Report> rows{};               ///< of a table, instead of the text
-        std::size_t count = 0;                    ///< of rows
+    /// Of a table: made already, or one by one when they are printed.
+    struct Rows {
+        std::vector<Report> made;
+        std::size_t count = 0;
         std::function<Report(std::size_t)> row{}; ///< makes one, instead of those
-        std::string json() const;
         /// Calls visit(row) for each.
-        template <class Visit> void for_each_row(Visit const& visit) const {
+        template <class Visit> void for_each(Visit const& visit) const {
             for (std::size_t i = 0; i < count; ++i)
                 if (row)
                     visit(row(i));
                 else
-                    visit(rows[i]);
+                    visit(made[i]);
         }
     };
+    struct Field {
+        std::string name, text; ///< numbers of a triple and of a list with a space between
+        Kind kind = Kind::word;
+        std::shared_ptr<Rows const> rows{}; ///< of a table, instead of the text; elsewhere, since most fields have none
+        std::string json() const;
+        bool has_rows() const { return rows && rows->count > 0; }
+    };
     void print_json(Printer const& to, int indent) const;
-    static std::string table(Field const& field);
+    template <class Visits> static std::string table_of(Report const& first, Visits const& for_each_row);
     std::optional<std::string> const& written(ReportForm form) const {
         return written_[static_cast<std::size_t>(form)];
     }
