@@ -79,7 +79,7 @@ RenderSettings white_surface() {
     s.algorithm = Algorithm::implicit_iso;
     s.isos = {10};
     s.camera.projection = Projection::orthographic; // half of a ball is seen
-    s.edge_rays = 1; // normals are those of the middle
+    s.edge_rays = 1;                                // normals are those of the middle
     s.iso_colors = {1, 1, 1};
     s.specular = 0;
     s.ambient = 1;
