@@ -212,3 +212,16 @@ END
     fails_with 2 'finite number' vkt slim v.nrrd --for 'flip x' --within -1 -o x.vkt
     [ ! -e x.vkt ]
 }
+
+@test "where nothing depends on the values, some of them are left" {
+    vkt make noise --dims 16 16 16 --dtype float32 --low -100 --high -90 --seed 1 -o below.vkt
+    vkt make noise --dims 16 16 16 --dtype float64 --low 300 --high 900 --seed 3 -o above.vkt
+    for pipeline in 'threshold --range 0:50' 'arith clamp - 0 50'; do
+        for volume in below above; do
+            vkt slim $volume.vkt --for "$pipeline" --within 0.1 --force -o small.vkt
+            vkt pipe "read small.vkt | $pipeline" | vkt diff - <(vkt pipe "read $volume.vkt | $pipeline") --tolerance 0.1
+        done
+    done
+    vkt slim below.vkt --for 'render --domain 0:20 --opacity 0,1 --size 32' --within 1.5 --force -o small.vkt
+    vkt slim above.vkt --for 'render --render-algo mean --domain 0:20 --size 32' --within 1.5 --force -o small.vkt
+}

@@ -160,7 +160,10 @@ private:
         ValueRange const all{std::min(a, b), std::max(a, b)};
         ValueRange kept = all;
         // What is kept above decides how closely one has to look below, once more.
-        for (bool const upper : {false, true, false}) narrow(kept, upper);
+        // A range is left also where nothing depends on the values.
+        double const least = (all.high - all.low) / 4096;
+        for (bool const upper : {false, true, false}) narrow(kept, upper, least);
+        if (!(kept.low < kept.high)) return {};
         // What a preview leaves out may be made of more.
         for (double const part : {0.0, 1.0 / 16, 0.25, 1.0}) {
             double const margin = part * (kept.high - kept.low);
@@ -173,12 +176,13 @@ private:
         return {};
     }
 
-    /// Moves one end inwards until what more could be cut off is little of what is kept.
-    void narrow(ValueRange& kept, bool upper) {
+    /// Moves one end inwards until what more could be cut off is little of what is kept, which is `least` at least.
+    void narrow(ValueRange& kept, bool upper, double least) {
         constexpr double little = 1.0 / 256;
         double const sign = upper ? -1 : 1, start = upper ? kept.high : kept.low, width = kept.high - kept.low;
-        double good = 0, bad = width; // to cut off
-        for (double cut = little * width; bad - good > little * (width - good); cut = good + (bad - good) / 2) {
+        double good = 0, bad = width - least; // to cut off
+        for (double cut = little * width; cut < bad && bad - good > little * (width - good);
+             cut = good + (bad - good) / 2) {
             ValueRange part = kept;
             (upper ? part.high : part.low) = start + sign * cut;
             bool const unseen = difference_in_preview(clamped(part)) <= share_of_cut * request_.within;
