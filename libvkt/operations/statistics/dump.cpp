@@ -64,14 +64,14 @@ std::string head(Header const& h) {
 } // namespace
 
 Texts Dump::texts() const {
-    return {"Print the values of a volume as text.",
-            "Physical values with one decimal, slice by slice, in volkit's layout. For numbers to compute with, "
-            "write a format "
-            "such as NRRD instead; for a summary use vkt stats."
-            "\n\n"
-            "Accuracy: Exact: as many digits as tell a value from its neighbours.",
-            {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump --roi 0:4,0:2,0:2"},
-             {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}}};
+    return {
+        "Print the values of a volume as text.",
+        "Physical values, slice by slice, in volkit's layout: with one decimal, or more digits where they need them. "
+        "For numbers to compute with, write a format such as NRRD instead; for a summary use vkt stats."
+        "\n\n"
+        "Accuracy: Exact: as many digits as tell a value from its neighbours.",
+        {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump --roi 0:4,0:2,0:2"},
+         {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}}};
 }
 
 std::vector<std::string> Dump::input_names() const { return {!file_.empty() ? file_ : !in_.empty() ? in_ : "-"}; }
