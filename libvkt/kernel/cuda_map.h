@@ -27,7 +27,8 @@ concept IsLong = requires {
 };
 
 /// A functor that takes all voxels that a thread has in registers together, so that what it does is chosen once for
-/// them: pack(in, out) with in[inputs][N], if its takes_packs() is true, and may_be_undefined().
+/// them: pack(in, out) with in[inputs][N], if its takes_packs() is true, and may_be_undefined(). Host code asks, too,
+/// where device functions have no bodies: nothing here may depend on what one of them returns as auto.
 template <class F, class C, int inputs, int N>
 concept TakesPacks = (inputs > 0) && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], C (&out)[N]) {
     f.pack(in, out);

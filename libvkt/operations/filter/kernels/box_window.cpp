@@ -8,6 +8,8 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
+#include "libvkt/operations/filter/kernels/large_rows.h"
 #include "libvkt/operations/filter/kernels/window_parts.h"
 
 namespace vkt {

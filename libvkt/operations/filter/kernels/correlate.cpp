@@ -4,6 +4,8 @@
 
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/stencil.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
+#include "libvkt/operations/filter/kernels/large_rows.h"
 
 #include <algorithm>
 #include <memory>

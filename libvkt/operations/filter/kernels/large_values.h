@@ -18,22 +18,4 @@ template <class C> VKT_HD bool is_finite(C value) {
     return value - value == 0; // NOLINT(misc-redundant-expression): NaN, and what is not finite
 }
 
-#ifndef __CUDACC__
-
-template <class C> bool any_large(C const* values, std::int64_t n, C headroom) {
-    std::int32_t found = 0;
-#pragma omp simd reduction(| : found)
-    for (std::int64_t x = 0; x < n; ++x) found |= is_large(values[x], headroom) ? 1 : 0;
-    return found != 0;
-}
-
-template <class C> bool all_finite(C const* values, std::int64_t n) {
-    C odd = 0;
-#pragma omp simd reduction(+ : odd)
-    for (std::int64_t x = 0; x < n; ++x) odd += values[x] - values[x]; // NOLINT(misc-redundant-expression): as above
-    return odd == 0;
-}
-
-#endif
-
 } // namespace vkt::VKT_BACKEND

@@ -7,6 +7,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
 #include "libvkt/operations/voxels/kernels/projected_lines.h"
 
 #include <algorithm>
@@ -343,13 +344,6 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
         else
             fold_lines(lines, state.whole + lines.at, Plus{});
     });
-}
-
-bool all_finite(double const* values, std::int64_t n) {
-    double odd = 0;
-#pragma omp simd reduction(+ : odd)
-    for (std::int64_t i = 0; i < n; ++i) odd += values[i] - values[i]; // NOLINT(misc-redundant-expression): NaN, too
-    return odd == 0;
 }
 
 /// Sums of lines side by side, at most most_tried of them, and how many values they are of. Returns how many voxels are
