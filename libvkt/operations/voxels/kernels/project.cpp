@@ -107,7 +107,7 @@ std::int64_t fold_rows(T const* from, std::int64_t step, std::int64_t pixels, A*
         std::int64_t i = 0;
         for (; i + lane_count<A> <= pixels; i += lane_count<A>) {
             Lanes<A> value = load_lanes(acc + i);
-#pragma GCC unroll 4
+#pragma GCC unroll 8
             for (int r = 0; r < rows; ++r) {
                 Lanes<A> const v = load_as<A>(from + r * step + i);
                 if constexpr (F::counts_nan)
@@ -134,6 +134,10 @@ template <class A, class T, class F> std::int64_t fold_lines(Lines<T> const& lin
     }
     // Rows that follow one another come one by one, which processors foresee; of those that are slices apart, several
     // at once, each a stream of its own.
+    // Results that are wider than voxels take most of the time: they are loaded and stored less often then.
+    if constexpr (sizeof(A) > sizeof(T) && sizeof(A) >= 4)
+        for (; are_apart(lines) && k + 8 <= lines.n; k += 8)
+            nan += fold_rows<8>(lines.first + k * lines.step, lines.step, lines.pixels, acc, f);
     for (; are_apart(lines) && k + 4 <= lines.n; k += 4)
         nan += fold_rows<4>(lines.first + k * lines.step, lines.step, lines.pixels, acc, f);
     for (; k < lines.n; ++k) nan += fold_rows<1>(lines.first + k * lines.step, lines.step, lines.pixels, acc, f);
