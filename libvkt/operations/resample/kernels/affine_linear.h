@@ -42,15 +42,12 @@ template <class T> struct LinearSample {
         float const v[8] = {static_cast<float>(near[0]),   static_cast<float>(near[1]),  static_cast<float>(second[0]),
                             static_cast<float>(second[1]), static_cast<float>(third[0]), static_cast<float>(third[1]),
                             static_cast<float>(fourth[0]), static_cast<float>(fourth[1])};
-        if constexpr (!std::is_integral_v<T>) {
-            float odd = 0; // NaN, if one of them is not finite
-#pragma unroll
-            for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
-            if (odd != 0) return false;
-        }
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
-        float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
-                                       fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
+        float odd = 0;
+        float const rows[4] = {fx.between(v[0], v[1], odd), fx.between(v[2], v[3], odd), fx.between(v[4], v[5], odd),
+                               fx.between(v[6], v[7], odd)};
+        if (!std::is_integral_v<T> && odd != 0) return false;
+        float const value = fz.between(fy.between(rows[0], rows[1]), fy.between(rows[2], rows[3]));
         store(any.out.at(x, y, z), value, counts);
         return true;
     }
@@ -153,6 +150,12 @@ template <class T> struct LinearSample {
         __device__ __forceinline__ explicit Fraction(float fraction) : f(fraction), rest(1 - fraction) {}
         __device__ __forceinline__ float between(float a, float b) const {
             return fminf(fmaxf(rest * a + f * b, fminf(a, b)), fmaxf(a, b));
+        }
+        /// The same; `odd` becomes NaN if one of them is not finite.
+        __device__ __forceinline__ float between(float a, float b, float& odd) const {
+            float const r = rest * a + f * b;
+            odd = __fmaf_rn(r, 0.0F, odd);
+            return fminf(fmaxf(r, fminf(a, b)), fmaxf(a, b));
         }
     };
 };

@@ -165,7 +165,7 @@ __device__ __forceinline__ void store_four(SlicesSample<T> const& slices, float 
 /// which it needs four voxels each. Results go through shared memory, lest rows of the output be written in pieces. The
 /// same bits as CPUs; what is near a face or beside a voxel that is not finite is left for the end.
 template <class T>
-__global__ void __launch_bounds__(32 * plane_warps, 4)
+__global__ void __launch_bounds__(32 * plane_warps, 3)
     slices_kernel(__grid_constant__ driver::Blocks const blocks, __grid_constant__ SlicesSample<T> const slices,
                   unsigned long long* totals) {
     using Sampler = LinearSample<T>;
@@ -238,6 +238,7 @@ __global__ void __launch_bounds__(32 * plane_warps, 4)
     while (count > 0) {
         done = group * slices_at_once + count;
         stored += static_cast<unsigned>(count);
+        int const next = group + 1 < slice_groups ? count_at(group + 1) : 0;
         auto* const made = &plane[group % 2][0][0];
 #pragma unroll
         for (int p = 0; p < plane_paths; ++p) {
@@ -254,26 +255,24 @@ __global__ void __launch_bounds__(32 * plane_warps, 4)
                 v[k][3] = static_cast<float>(b[1]);
                 if (k + 1 < count) here += along;
             }
-            if constexpr (!std::is_integral_v<T>) {
-                float odd = 0; // NaN, if one of them is not finite
+            if (next == slices_at_once) {
 #pragma unroll
-                for (auto const& four : v)
-#pragma unroll
-                    for (float const each : four) odd = __fmaf_rn(each, 0.0F, odd);
-                if (odd != 0) left |= 1U << (p * slice_groups + group);
+                for (int k = 0; k < slices_at_once; ++k) asm volatile("prefetch.global.L2 [%0];" ::"l"(here += along));
             }
             float* const place = made + spot(warp + p * plane_warps);
             Fraction const x(fx[p]), w(fw[p]);
+            float odd = 0;
 #pragma unroll
             for (int k = 0; k < slices_at_once; ++k)
-                place[k * plane_size] = w.between(x.between(v[k][0], v[k][1]), x.between(v[k][2], v[k][3]));
+                place[k * plane_size] = w.between(x.between(v[k][0], v[k][1], odd), x.between(v[k][2], v[k][3], odd));
+            if (!std::is_integral_v<T> && odd != 0) left |= 1U << (p * slice_groups + group);
         }
         from += slices_at_once * along;
         __syncthreads();
         if (columns > 0) store_four(slices, made + row_here * slices.path.pitch() + x_here, columns, count, to);
         to += slices_at_once * step;
         ++group;
-        count = group < slice_groups ? count_at(group) : 0;
+        count = next;
     }
     driver::LossCounts counts;
     counts.undefined = far * stored;
