@@ -12,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace vkt {
 
@@ -425,14 +424,22 @@ template <class T> void add_without_overflow(Lines<T> const& lines, std::int64_t
     state.scale[at] = scale == 1 ? 0 : scale;
 }
 
+/// The sum of numbers of voxels, in any order: it is exact.
+double sum_of_counts(double const* count, std::int64_t n) {
+    double sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (std::int64_t i = 0; i < n; ++i) sum += count[i];
+    return sum;
+}
+
 /// Adds voxels of all lines. Returns how many are NaN.
 template <class T> std::int64_t add_with_losses(Lines<T> const& lines, ProjectionState& state) {
     double* const count = state.count + lines.at;
-    double const before = std::accumulate(count, count + lines.pixels, 0.0);
+    double const before = sum_of_counts(count, lines.pixels);
     std::int64_t k = 0;
     for (; k + 4 <= lines.n; k += 4) add_with_losses_of<4>(lines, k, state);
     for (; k < lines.n; ++k) add_with_losses_of<1>(lines, k, state);
-    double const added = std::accumulate(count, count + lines.pixels, 0.0) - before;
+    double const added = sum_of_counts(count, lines.pixels) - before;
     return lines.n * lines.pixels - static_cast<std::int64_t>(added);
 }
 
@@ -440,18 +447,20 @@ template <class T> std::int64_t add_with_losses(Lines<T> const& lines, Projectio
 template <class T> std::int64_t add_with_care(Lines<T> const& lines, ProjectionState& state) {
     double *const sum = state.value + lines.at, *const lost = state.extra + lines.at,
                   *const count = state.count + lines.at, *const scale = state.scale + lines.at;
-    alignas(64) double sums[most_tried], losses[most_tried], counts[most_tried];
+    alignas(64) double sums[most_tried], losses[most_tried];
     std::copy_n(sum, lines.pixels, sums);
     std::copy_n(lost, lines.pixels, losses);
-    std::copy_n(count, lines.pixels, counts);
     std::int64_t const nan = add_with_losses(lines, state);
-    bool const scaled = std::any_of(scale, scale + lines.pixels, [](double s) { return s != 0; });
-    if (!scaled && all_finite(sum, lines.pixels)) return nan;
+    double scales = 0; // that lines have: of others it is 0
+#pragma omp simd reduction(+ : scales)
+    for (std::int64_t i = 0; i < lines.pixels; ++i) scales += scale[i];
+    if (scales == 0 && all_finite(sum, lines.pixels)) return nan;
     for (std::int64_t i = 0; i < lines.pixels; ++i) {
         if (scale[i] == 0 && (std::isfinite(sum[i]) || !std::isfinite(sums[i]))) continue;
         sum[i] = sums[i];
         lost[i] = losses[i];
-        count[i] = counts[i];
+        for (std::int64_t k = 0; k < lines.n; ++k)
+            count[i] -= 1 - is_nan(lines.first[i * lines.pixel + k * lines.step]);
         add_without_overflow(lines, i, state);
     }
     return nan;
