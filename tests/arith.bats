@@ -361,9 +361,17 @@ np.array([-4, -1, 0, 1, 4, np.nan, np.inf, 2], 'f4').tofile('v_8x1x1_float32.raw
     vkt arith log v_8x1x1_float32.raw -o l.vkt 2>said
     grep -q '3 of 8 voxels (37.50 %) undefined: logarithms of numbers not above 0' said
     vkt arith pow v_8x1x1_float32.raw 0.5 -o p.vkt 2>said
-    grep -q '2 of 8 voxels (25.00 %) undefined: powers that no real number is' said
+    grep -q '2 of 8 voxels (25.00 %) undefined: powers that no real number is, of numbers below 0$' said
     vkt arith pow v_8x1x1_float32.raw -1 -o p.vkt --force 2>said
-    grep -q '1 of 8 voxels (12.50 %) undefined' said
+    grep -q '1 of 8 voxels (12.50 %) undefined: 0 to a power below 0, divided by zero$' said
+    vkt arith pow v_8x1x1_float32.raw -0.5 -o p.vkt --force 2>said
+    grep -q '3 of 8 voxels (37.50 %) undefined: 0 to a power below 0, divided by zero, or powers of numbers below 0 that no' said
+    vkt arith pow v_8x1x1_float32.raw v_8x1x1_float32.raw -o p.vkt --force 2>said
+    [ ! -s said ]
+    vkt arith pow 0 v_8x1x1_float32.raw -o p.vkt --force 2>said
+    grep -q '2 of 8 voxels (25.00 %) undefined: 0 to a power below 0, divided by zero$' said
+    vkt arith pow -2 s.vkt -o p.vkt --force 2>said
+    grep -q '1 of 8 voxels (12.50 %) undefined: powers that no real number is, of numbers below 0$' said
     vkt arith pow v_8x1x1_float32.raw 3 -o q.vkt 2>said
     [ ! -s said ]
     vkt arith exp v_8x1x1_float32.raw -o e.vkt 2>said

@@ -116,6 +116,16 @@ char const* steepness(ArithmeticOp op) {
     }
 }
 
+/// What powers that are counted as undefined are: what a number, as base or exponent, leaves possible.
+char const* undefined_powers(std::optional<Number> const& base, std::optional<Number> const& exponent) {
+    bool const divide = (!base || base->value == 0) && (!exponent || exponent->value < 0);
+    bool const root = (!base || base->value < 0) && (!exponent || exponent->value != std::floor(exponent->value));
+    if (divide && root)
+        return " undefined: 0 to a power below 0, divided by zero, or powers of numbers below 0 that no real number is";
+    return divide ? " undefined: 0 to a power below 0, divided by zero"
+                  : " undefined: powers that no real number is, of numbers below 0";
+}
+
 struct FunctionRange {
     ValueInterval values;
     double steepest; ///< magnitude of the slope
@@ -599,7 +609,7 @@ std::vector<Remark> Arithmetic::remarks() const {
     std::vector<Remark> result = store_remarks(counts_, voxels_, choice_.type);
     char const* const what = op == ArithmeticOp::sqrt  ? " undefined: roots of numbers below 0"
                              : op == ArithmeticOp::log ? " undefined: logarithms of numbers not above 0"
-                             : op == ArithmeticOp::pow ? " undefined: powers that no real number is"
+                             : op == ArithmeticOp::pow ? undefined_powers(choice_.numbers.at(0), choice_.numbers.at(1))
                                                        : " divided by zero";
     if (counts_.undefined > 0) result.push_back({text(share_text(counts_.undefined, voxels_), what), true});
     return result;
