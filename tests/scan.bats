@@ -164,6 +164,20 @@ assert (np.fromfile("out.raw", np.float64) == want.ravel()).all()  # halves: exa
 '
 }
 
+@test "nor do slabs and threads for sums that are no numbers, sign included" {
+    with_numpy '
+for dtype in "float16", "float32", "float64":
+    for seed in range(4):
+        a = rng.normal(size=(33, 3, 8)).astype(dtype)
+        at = rng.random(a.shape)
+        a[at < 0.06], a[(at > 0.06) & (at < 0.1)], a[at > 0.96] = np.nan, np.inf, -np.inf
+        for first in "", "--exclusive":
+            want, _ = scan(a, first + " --slab 33 --threads 1")
+            for options in "--slab 1 --threads 1", "--slab 1 --threads 3", "--slab 2", "":
+                assert scan(a, f"{first} {options}")[0].tobytes() == want.tobytes(), (dtype, seed, first, options)
+'
+}
+
 @test "slabs, rows, threads, pipes and who asks for parts make no difference" {
     with_numpy '
 for dtype in ("uint8", "float32", "float64", "int64"):

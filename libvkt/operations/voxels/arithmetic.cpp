@@ -103,6 +103,26 @@ bool is_function(ArithmeticOp op) {
 /// Yields 0 or 1.
 bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
 /// Why a function may pass on errors without a limit.
+/// Whether stored values of two volumes with this map give, combined, the stored value of what is meant.
+bool agrees_with(ValueMap const& map, ArithmeticOp op) {
+    switch (op) {
+    case ArithmeticOp::add:
+    case ArithmeticOp::sub:
+        return map.intercept == 0;
+    case ArithmeticOp::absdiff:
+        return map.intercept == 0 && map.slope > 0;
+    case ArithmeticOp::eq:
+    case ArithmeticOp::ne:
+    case ArithmeticOp::where:
+        return true;
+    case ArithmeticOp::mul:
+    case ArithmeticOp::div:
+        return false;
+    default:
+        return map.slope > 0; // what is larger stays larger
+    }
+}
+
 char const* steepness(ArithmeticOp op) {
     switch (op) {
     case ArithmeticOp::exp:
@@ -276,7 +296,8 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
     }
     bool const mapped = first != nullptr && !(first->values == ValueMap{});
     // Signs, zeros and functions are of physical values; clamp and where keep stored ones, and numbers follow them.
-    bool const physical = (number && mapped) || differ || (is_function(op) || is_logic(op) || n == 1 ? mapped : false);
+    bool const meant = number || is_function(op) || is_logic(op) || n == 1;
+    bool const physical = differ || (mapped && (meant || !agrees_with(first->values, op)));
     bool const picks = op == ArithmeticOp::clamp || (op == ArithmeticOp::where && !differ);
     if (picks && mapped) {
         for (std::size_t i = 1; i < n; ++i)

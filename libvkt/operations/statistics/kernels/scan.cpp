@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -342,7 +343,8 @@ private:
             for (std::int64_t i = 0; i < n; ++i) {
                 double const s = sum[i];
                 bool const finite = s - s == 0;
-                to[i] = parts == 2 && finite ? s + rest[i] : s;
+                // The sign of NaN would tell which of two was the first operand, and with it how slabs were cut.
+                to[i] = !(s == s) ? std::numeric_limits<double>::quiet_NaN() : parts == 2 && finite ? s + rest[i] : s;
                 nan += finite ? 0 : 1;
             }
             undefined += nan;
