@@ -95,6 +95,27 @@ for bins in list(range(2, 40)) + [64, 100, 128, 255, 256, 333, 400]:
         assert got["counts"] == [1] * (bins - 1) + [2], (bins, lo, hi)'
 }
 
+@test "float32: many voxels on edges, at both ends of the range, beyond it, infinite and NaN" {
+    py '
+r = np.random.default_rng(8)
+for bins in 1, 7, 255, 256, 257, 300:
+    for lo, hi in (0.0, 1.0), (-3.3, 77.7), (0.0, 256.0), (0.1, 0.7):
+        edges = np.append(lo + np.arange(bins) * ((hi - lo) / bins), hi)
+        v = r.uniform(lo - 0.01, hi + 0.01, 30000).astype(np.float32)
+        v[:9000] = lo
+        v[9000:12000] = hi
+        v[12000:20000] = edges[r.integers(0, bins + 1, 8000)]
+        v[20000:21000] = np.nextafter(v[19000:20000], np.float32(-1e9))
+        v[21000:21300] = np.repeat(np.array([np.nan, np.inf, -np.inf], np.float32), 100)
+        if bins % 2 == 0: r.shuffle(v)  # else runs of them
+        save(v.reshape(10, 30, 100), "e")
+        got = histogram("e_100x30x10_float32.raw", "--bins", str(bins), "--range", f"{lo!r}:{hi!r}")
+        inside = v[(v >= lo) & (v <= hi)].astype(float)
+        where = np.minimum(np.searchsorted(got["edges"], inside, side="right") - 1, bins - 1)
+        assert got["counts"] == np.bincount(where, minlength=bins).tolist(), (bins, lo, hi)
+        assert got["nan"] == 100 and got["under"] == (v < lo).sum() and got["over"] == (v > hi).sum()'
+}
+
 @test "ranges far from zero, very wide and very narrow" {
     py '
 r = np.random.default_rng(4)

@@ -1,4 +1,4 @@
-// Bytes of registers moved about, on CPUs: bits gathered from bytes, blocks of voxels transposed.
+// Bytes of registers moved about, on CPUs: bits gathered, of bytes and of comparisons, blocks of voxels transposed.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -27,6 +27,23 @@ inline std::uint64_t gathered_bits(std::uint8_t const (&flags)[64]) {
     }
 #endif
     return word;
+}
+
+/// Whether any bit of a register is set: whether a comparison holds in any lane.
+template <class V> bool any_bit(V const& lanes) {
+    static_assert(sizeof(V) == register_bytes);
+#if defined(__AVX512F__)
+    auto const bits = reinterpret_cast<__m512i>(lanes);
+    return _mm512_test_epi64_mask(bits, bits) != 0;
+#elif defined(__AVX2__)
+    auto const bits = reinterpret_cast<__m256i>(lanes);
+    return _mm256_testz_si256(bits, bits) == 0;
+#else
+    std::uint64_t words[register_bytes / 8], all = 0;
+    std::memcpy(words, &lanes, sizeof words);
+    for (std::uint64_t const word : words) all |= word;
+    return all != 0;
+#endif
 }
 
 /// Four numbers side by side, as they stand in memory.

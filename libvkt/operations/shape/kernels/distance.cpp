@@ -5,6 +5,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/voxels/kernels/bits.h"
 
 #include <algorithm>
@@ -44,12 +45,7 @@ template <class V> struct Lines {
     bool any_above(V limit) const {
         auto over = part[0] > limit;
         for (std::int64_t i = 1; i < registers; ++i) over |= part[i] > limit;
-        std::uint64_t words[register_bytes / 8];
-        static_assert(sizeof words == sizeof over);
-        std::memcpy(words, &over, sizeof words);
-        std::uint64_t all = 0;
-        for (std::uint64_t const word : words) all |= word;
-        return all != 0;
+        return any_bit(over);
     }
 };
 
@@ -230,16 +226,22 @@ private:
                 continue;
             }
             float values[lanes];
-            for (std::int64_t k = 0; k < lanes; ++k) values[k] = root(in[k]);
-            if (outside != nullptr)
-                for (std::int64_t k = 0; k < lanes; ++k) values[k] -= root(outside[i * lanes + k]);
+            roots(in, pass_.unit, values);
+            if (outside != nullptr) {
+                float others[lanes];
+                roots(outside + i * lanes, pass_.unit, others);
+                for (std::int64_t k = 0; k < lanes; ++k) values[k] -= others[k];
+            }
             copy_row(to, values, width);
         }
     }
 
-    float root(V square) const {
-        double const length = std::sqrt(static_cast<double>(square)) * pass_.unit;
-        return square < none_yet<V>() ? static_cast<float>(length) : std::numeric_limits<float>::infinity();
+    static void roots(V const* squares, double unit, float* to) {
+#pragma omp simd
+        for (std::int64_t k = 0; k < lanes; ++k) {
+            auto const length = static_cast<float>(std::sqrt(static_cast<double>(squares[k])) * unit);
+            to[k] = squares[k] < none_yet<V>() ? length : std::numeric_limits<float>::infinity();
+        }
     }
 
     AnyView out_;

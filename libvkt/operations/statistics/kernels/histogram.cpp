@@ -50,6 +50,14 @@ void place(Rule const& rule, double const* values, std::int64_t n, std::int32_t*
     double const slope = rule.slope, intercept = rule.intercept, scale = rule.scale, scaled_low = rule.scaled_low,
                  per_unit = rule.per_unit, low = edges[0], high = edges[rule.count], last = rule.count - 1.0,
                  near = rule.doubtful_share;
+    // Many voxels may be the ends, background and what was clipped: those are in no doubt, if they are guessed well.
+    auto const unless_doubtful = [&](double value, std::int32_t guess) {
+        double const at = (value * scale - scaled_low) * per_unit;
+        bool const guessed = guess == 0 ? at < 1 : at >= last;
+        return guessed && correct(value, guess, edges, rule.count) == guess ? value
+                                                                            : std::numeric_limits<double>::quiet_NaN();
+    };
+    double const first = unless_doubtful(low, 0), end = unless_doubtful(high, rule.count - 1), far = 1 - near;
     std::int32_t const count = rule.count;
     std::int32_t doubtful = 0;
 #pragma omp simd reduction(+ : doubtful)
@@ -60,11 +68,14 @@ void place(Rule const& rule, double const* values, std::int64_t n, std::int32_t*
         double const bounded = at < last ? at : last;
         auto const k = static_cast<std::int32_t>(bounded);
         double const rest = at - static_cast<double>(k);
-        bool const inside = value >= low && value <= high;
-        bool const lost = !(value - value == 0) && values[i] - values[i] == 0; // a product beyond double
-        doubtful += (inside && (rest < near || rest > 1 - near)) || lost ? 1 : 0;
+        // `lost`: a product beyond double.
+        std::int32_t const above = value >= low ? 1 : 0, below = value <= high ? 1 : 0, inside = above & below,
+                           lost = (value - value == 0 ? 0 : 1) & (values[i] - values[i] == 0 ? 1 : 0),
+                           within = (value != first ? 1 : 0) & (value != end ? 1 : 0),
+                           at_edge = (rest < near ? 1 : 0) | (rest > far ? 1 : 0);
+        doubtful += (inside & within & at_edge) | lost;
         std::int32_t const outside = value < low ? count : value > high ? count + 1 : count + 2;
-        slots[i] = inside ? k : outside;
+        slots[i] = inside != 0 ? k : outside;
     }
     if (doubtful == 0) return;
     for (std::int64_t i = 0; i < n; ++i) {
@@ -141,50 +152,54 @@ void place_with_care(Rule const& rule, SingleRule const& single, float const* fr
 
 constexpr std::int64_t part = 16; ///< floats that are looked at together
 
-/// Guesses the slots of a part. `nearest` becomes less than clear() wants if some of them are outside of the range or
-/// not well within bins: what is below the range or NaN is taken for its lower end, what is above it for the upper one,
-/// which are edges.
-void place_part(SingleRule const& single, float const* from, std::int32_t* to, Lanes<std::int32_t>& nearest) {
-    Lanes<float> const zero{}, most = zero + single.fine_most;
-    std::int32_t const shift = single.shift, near = single.fine_near + (std::int32_t{1} << (shift - 1));
+/// Guesses the slots of parts and calls beside(i) after each. Returns true if all of them are in the range and well
+/// within bins: what is below the range or NaN is taken for its lower end, what is above it for the upper one, which
+/// are edges. With `ends`, voxels that are one of them, as background and what was clipped are, are well within the
+/// first and the last bin. The rule arrives by value: the compiler then knows that slots are no part of it.
+template <bool ends, class Beside>
+bool place_parts(SingleRule const single, float const* from, std::int64_t n, std::int32_t* to, Beside const& beside) {
+    using Whole = Lanes<std::int32_t>;
+    std::int32_t const shift = single.shift, up = 32 - shift, half = std::int32_t{1} << (shift - 1),
+                       near = single.fine_near + half, least = (2 * single.fine_near - half) << up;
+    Lanes<float> const zero{}, most = zero + single.fine_most, low = zero + single.low, high = zero + single.high;
+    Whole nearest = Whole{} + std::numeric_limits<std::int32_t>::max();
+    for (std::int64_t begin = 0; begin < n; begin += part) {
 #pragma GCC unroll 4
-    for (std::int64_t i = 0; i < part; i += lane_count<float>) {
-        Lanes<float> at = load_lanes(from + i) * single.fine_scale - single.fine_offset;
-        at = at > zero ? at : zero; // NaN becomes 0
-        at = at < most ? at : most;
-        auto const fine = __builtin_convertvector(at, Lanes<std::int32_t>);
-        store_lanes<std::int32_t>(to + i, fine >> shift);
-        Lanes<std::int32_t> const beyond = (fine + near) << (32 - shift);
-        nearest = beyond < nearest ? beyond : nearest;
+        for (std::int64_t i = begin; i < begin + part; i += lane_count<float>) {
+            Lanes<float> const value = load_lanes(from + i);
+            Lanes<float> at = value * single.fine_scale - single.fine_offset;
+            at = at > zero ? at : zero; // NaN becomes 0
+            at = at < most ? at : most;
+            auto fine = __builtin_convertvector(at, Whole);
+            if constexpr (ends) {
+                fine = value == low ? fine + half : fine;
+                fine = value == high ? fine - half : fine;
+            }
+            store_lanes<std::int32_t>(to + i, fine >> shift);
+            Whole const beyond = (fine + near) << up;
+            nearest = beyond < nearest ? beyond : nearest;
+        }
+        beside(begin);
     }
-}
-bool clear(SingleRule const& single, Lanes<std::int32_t> nearest) {
-    std::int32_t const least = (2 * single.fine_near - (std::int32_t{1} << (single.shift - 1))) << (32 - single.shift);
-    bool all = true;
-    for (std::int64_t i = 0; i < lane_count<std::int32_t>; ++i) all = all && nearest[i] >= least;
-    return all;
+    std::int32_t lanes[lane_count<std::int32_t>], lowest = least;
+    store_lanes<std::int32_t>(lanes, nearest);
+    for (std::int32_t const lane : lanes) lowest = std::min(lowest, lane);
+    return lowest >= least;
 }
 
 /// Calls beside(i) after every part, i voxels having been placed before it.
 template <class Beside>
 void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots,
            Beside beside) {
-    // Most blocks are clear, and no more is looked at then; of the others, most parts are.
+    // Most blocks are clear, and no more is looked at then.
     constexpr std::int64_t block = 8 * part;
-    Lanes<std::int32_t> const farthest = Lanes<std::int32_t>{} + std::numeric_limits<std::int32_t>::max();
     for (std::int64_t begin = 0; begin < n; begin += block) {
         std::int64_t const end = std::min(n, begin + block), whole = begin + (end - begin) / part * part;
-        Lanes<std::int32_t> nearest = farthest;
-        for (std::int64_t i = begin; i < whole; i += part) {
-            place_part(single, values + i, slots + i, nearest);
-            beside(i);
-        }
-        bool const all = clear(single, nearest);
-        for (std::int64_t i = begin; i < whole && !all; i += part) {
-            nearest = farthest;
-            place_part(single, values + i, slots + i, nearest);
-            if (!clear(single, nearest)) place_with_care(rule, single, values + i, part, slots + i);
-        }
+        bool const clear = place_parts<false>(single, values + begin, whole - begin, slots + begin,
+                                              [&](std::int64_t i) { beside(begin + i); }) ||
+                           place_parts<true>(single, values + begin, whole - begin, slots + begin, [](std::int64_t) {});
+        for (std::int64_t i = begin; i < whole && !clear; i += part)
+            place_with_care(rule, single, values + i, part, slots + i);
         if (whole < end)
             place_with_care(rule, single, values + whole, static_cast<std::int32_t>(end - whole), slots + whole);
     }

@@ -6,6 +6,7 @@
 #include "libvkt/kernel/shuffle.h"
 #include "libvkt/kernel/stream.h"
 
+#include <cstdlib>
 #include <utility>
 
 namespace vkt {
@@ -103,16 +104,15 @@ void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, E
                   });
 }
 
-/// x stays. The row after the next is asked for: it lies in another slice, where no processor foresees it.
-template <class U>
-void permute_rows(driver::RowCopy<U> const& copy, Index3 dims, bool stream, Execution const& execution) {
-    for_each_segment(execution, box_of(dims), [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        U const* const from = copy.from + x + y * copy.from_row + z * copy.from_slice;
-        if (y + 2 < dims.y)
-            for (std::int64_t i = 0; i < n; i += 64 / static_cast<std::int64_t>(sizeof(U)))
-                __builtin_prefetch(from + 2 * copy.from_row + i);
-        driver::copy_forward(copy.to + x + y * copy.to_row + z * copy.to_slice, from, n, stream);
-    });
+/// x stays. Rows are taken in the order of the input, whose slices processors foresee; those of the output lie apart,
+/// which stores do not wait for.
+template <bool Reverse, class U> void permute_rows(driver::RowCopy<U> copy, Index3 dims, Execution const& execution) {
+    if (std::abs(copy.from_row) > std::abs(copy.from_slice)) {
+        std::swap(copy.from_row, copy.from_slice);
+        std::swap(copy.to_row, copy.to_slice);
+        std::swap(dims.y, dims.z);
+    }
+    driver::copy_rows<Reverse>(execution, dims, copy.from_row < 0 ? copy.from_below(dims) : copy);
 }
 
 } // namespace
@@ -133,8 +133,7 @@ void permute_box(ConstView in, AnyView out, std::array<int, 3> axes, Mirror mirr
         bool const stream = driver::is_large(out);
         if (axes[0] != 0) return permute_tiles(p, dims, axes[1] == 0 ? 1 : 2, stream, execution);
         driver::RowCopy<U> const copy{p.from, p.to, p.step[1], p.step[2], out.row, out.slice};
-        if (mirror.x) return driver::copy_rows<true>(execution, dims, copy);
-        permute_rows(copy, dims, stream, execution);
+        mirror.x ? permute_rows<true>(copy, dims, execution) : permute_rows<false>(copy, dims, execution);
     });
 }
 
