@@ -102,7 +102,6 @@ bool is_function(ArithmeticOp op) {
 }
 /// Yields 0 or 1.
 bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
-/// Why a function may pass on errors without a limit.
 /// Whether stored values of two volumes with this map give, combined, the stored value of what is meant.
 bool agrees_with(ValueMap const& map, ArithmeticOp op) {
     switch (op) {
@@ -123,6 +122,7 @@ bool agrees_with(ValueMap const& map, ArithmeticOp op) {
     }
 }
 
+/// Why a function may pass on errors without a limit.
 char const* steepness(ArithmeticOp op) {
     switch (op) {
     case ArithmeticOp::exp:
