@@ -29,6 +29,8 @@ public:
         Measure::check();
         if (is_picture() && (csv() || !operation().prints(ReportForm::text)))
             throw Error(ErrorKind::usage, text("'", output_, "' is a picture: --csv and --mergeable are text"));
+        if (ends_in(".json") && csv()) contradict("JSON", "--csv");
+        if (ends_in(".csv") && !operation().prints(ReportForm::text)) contradict("CSV", "--mergeable");
         for (char const* const suffix :
              {".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp"})
             if (ends_in(suffix))
@@ -36,6 +38,12 @@ public:
                             "end the name in .png or .svg; .csv and .json are tables, other names a text");
         if (log_ && csv()) throw Error(ErrorKind::usage, "--log is about bars, --csv has none");
         if (output_ != "-") check_output(numbered_path(output_, 0), force_);
+    }
+
+    int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        if (context.json() && is_picture()) contradict("a picture", "--json");
+        if (context.json() && ends_in(".csv")) contradict("CSV", "--json");
+        return Measure::consume(inputs, context);
     }
 
 protected:
@@ -56,6 +64,11 @@ protected:
 private:
     bool is_picture() const { return ends_in(".png") || ends_in(".svg"); }
     bool ends_in(char const* suffix) const { return lower_case(output_).ends_with(suffix); }
+    [[noreturn]] void contradict(char const* kind, char const* option) const {
+        throw Error(ErrorKind::usage,
+                    text("'", output_, "' is the name of ", kind, ", ", option, " asks for another form"),
+                    text("leave out ", option, ", or give the file another name"));
+    }
 
     std::string bars() const {
         std::string all;

@@ -3,10 +3,12 @@
 #include "shell/common.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
 #include "libvkt/formats/request.h"
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 
 namespace vkt::shell {
 namespace {
@@ -39,7 +41,9 @@ void Common::declare(Parameters& p, CommonKind kind) {
             .not_in_history();
     }
     if (kind.report_file)
-        p.option("report", report_file, "FILE", "write what was found to this file, as JSON").not_in_history();
+        p.option("report", report_file, "FILE",
+                 "write what was found to this file: .csv a table, .txt a text, else JSON")
+            .not_in_history();
     if (kind.input) ReadRequest::declare_trust(p, trust_paths);
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
     ExecutionOptions::declare(p);
@@ -64,6 +68,15 @@ void Common::check_output() const {
     if (no_checksum && !streams()) throw Error(ErrorKind::usage, "--no-checksum: only streams have checksums");
     if (transport && (output != "-" || !streams()))
         throw Error(ErrorKind::usage, "--transport: no other command reads this output");
+}
+
+ReportForm Common::report_form() const {
+    std::string const suffix = lower_case(std::filesystem::path(report_file).extension().string());
+    if (suffix.empty() || suffix == ".json") return ReportForm::json;
+    if (suffix == ".csv") return ReportForm::csv;
+    if (suffix == ".txt") return ReportForm::text;
+    throw Error(ErrorKind::usage, text("--report ", report_file, ": reports of that kind are not written"),
+                "end the name in .json, .csv or .txt");
 }
 
 ipc::Transport Common::resolved_transport() const {

@@ -4,6 +4,7 @@
 
 #include "ipc/stream.h"
 #include "libvkt/core/execution_options.h"
+#include "libvkt/core/report.h"
 
 #include <optional>
 #include <string>
@@ -44,6 +45,8 @@ struct Common : ExecutionOptions {
     void declare(Parameters& parameters, CommonKind kind);
     /// Throws Error{usage} for options that the output, a stream or a file, has no use for.
     void check_output() const;
+    /// What the name of the report's file asks for; throws Error{usage} for names of other kinds of files.
+    ReportForm report_form() const;
     bool streams() const; ///< volumes leave as a stream, through a pipe or into a file
     ipc::Transport resolved_transport() const;
     bool wants_timing() const;

@@ -219,13 +219,45 @@ for t in ("float32", "float64"):
 }
 
 @test "value maps" {
-    # equal maps: stored values; a number counts as a physical value; different maps: physical values
+    # values are physical: equal maps are kept, of different ones floats are made
     vkt declare-sv --dims 2 2 2 --data-format uint8 | vkt arith add - 0.2 -o a.vkt
     [ "$(value <a.vkt)" = 0.2 ]
     vkt arith add a.vkt <(vkt set a.vkt --units x) | vkt stats --json | grep -q '"max": 0.4'
     vkt arith add a.vkt <(vkt make constant --dims 2 2 2 --value 3) >sum.vkt
     vkt info sum.vkt --json | grep -q '"slope": 1.0'
     [ "$(value <sum.vkt)" = 3.2 ] || [ "$(value <sum.vkt | cut -c1-8)" = 3.200000 ]
+}
+
+@test "volumes with equal value maps are combined as what they mean" {
+    check 'import subprocess
+def run(*words, data=None): return subprocess.run(words, input=data, stdout=subprocess.PIPE, check=True).stdout
+draw = np.random.default_rng(1)
+for slope, intercept in (1, -1024), (-0.5, 3), (-2, 0), (0.25, 0):
+    for dtype in "int16", "uint8", "int64", "float32":
+        stored = [draw.integers(0, 9, 64).astype(dtype) for _ in range(2)]
+        for name, voxels in zip("ab", stored):
+            voxels.tofile(name)
+            stream = run("vkt", "read", name, "--dims", "4", "4", "4", "--dtype", dtype)
+            stream = run("vkt", "set", "--slope", str(slope), "--intercept", str(intercept), data=stream)
+            open(name + ".vkt", "wb").write(stream)
+        a, b = (slope * voxels.astype("f8") + intercept for voxels in stored)
+        for op, want in dict(add=a + b, sub=a - b, mul=a * b, absdiff=abs(a - b), min=np.minimum(a, b),
+                             max=np.maximum(a, b), gt=a > b, ge=a >= b, lt=a < b, le=a <= b, eq=a == b).items():
+            stream = run("vkt", "arith", op, "a.vkt", "b.vkt", "-q")
+            header = json.loads(run("vkt", "info", "--json", data=stream))
+            got = np.frombuffer(run("vkt", "write", "-", "--format", "raw", data=stream), header["dtype"])
+            at_most = 0
+            if header["dtype"] == dtype and op not in ("gt", "ge", "lt", "le", "eq"): # kept, and so is the map
+                assert (header["slope"], header["intercept"]) == (slope, intercept)
+                if dtype != "float32":
+                    kind = np.iinfo(dtype)
+                    ends = sorted((slope * kind.min + intercept, slope * kind.max + intercept))
+                    want, at_most = np.clip(want, *ends), abs(slope) / 2
+            else: assert header["dtype"] == "uint8" and header["slope"] == 1
+            assert (abs(header["slope"] * got + header["intercept"] - want) <= at_most).all(), (op, dtype, slope)'
+    one int16 30 | vkt set --slope 1 --intercept -1024 --units HU -o ct.vkt
+    vkt arith sub ct.vkt ct.vkt | vkt info | grep -q 'exact'
+    [ "$(vkt arith absdiff ct.vkt ct.vkt | value)" = 0 ]
 }
 
 @test "either operand may be the number, and standard input either volume" {
@@ -361,9 +393,17 @@ np.array([-4, -1, 0, 1, 4, np.nan, np.inf, 2], 'f4').tofile('v_8x1x1_float32.raw
     vkt arith log v_8x1x1_float32.raw -o l.vkt 2>said
     grep -q '3 of 8 voxels (37.50 %) undefined: logarithms of numbers not above 0' said
     vkt arith pow v_8x1x1_float32.raw 0.5 -o p.vkt 2>said
-    grep -q '2 of 8 voxels (25.00 %) undefined: powers that no real number is' said
+    grep -q '2 of 8 voxels (25.00 %) undefined: powers that no real number is, of numbers below 0$' said
     vkt arith pow v_8x1x1_float32.raw -1 -o p.vkt --force 2>said
-    grep -q '1 of 8 voxels (12.50 %) undefined' said
+    grep -q '1 of 8 voxels (12.50 %) undefined: 0 to a power below 0, divided by zero$' said
+    vkt arith pow v_8x1x1_float32.raw -0.5 -o p.vkt --force 2>said
+    grep -q '3 of 8 voxels (37.50 %) undefined: 0 to a power below 0, divided by zero, or powers of numbers below 0 that no' said
+    vkt arith pow v_8x1x1_float32.raw v_8x1x1_float32.raw -o p.vkt --force 2>said
+    [ ! -s said ]
+    vkt arith pow 0 v_8x1x1_float32.raw -o p.vkt --force 2>said
+    grep -q '2 of 8 voxels (25.00 %) undefined: 0 to a power below 0, divided by zero$' said
+    vkt arith pow -2 s.vkt -o p.vkt --force 2>said
+    grep -q '1 of 8 voxels (12.50 %) undefined: powers that no real number is, of numbers below 0$' said
     vkt arith pow v_8x1x1_float32.raw 3 -o q.vkt 2>said
     [ ! -s said ]
     vkt arith exp v_8x1x1_float32.raw -o e.vkt 2>said

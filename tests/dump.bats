@@ -45,6 +45,7 @@ END
         grep -o '{.*}' cropped | diff a -
         vkt read n.vkt | vkt dump --roi $roi --memory 100k | diff stepped -
     done
+    vkt dump --help | grep -q 'under their numbers in the whole volume'
     [ "$(vkt dump n.vkt --roi ::2,1::3,2::4 | grep -o '^ *\[[0-9]*\]' | tr -d ' \n')" = "[2][1][4][7][6][1][4][7]" ]
 }
 

@@ -768,14 +768,10 @@ END
 }
 
 @test "a region of a dataset that is there: only its voxels change, how it is stored and all else of the file stay" {
-    /usr/bin/python3 - <<'END'
+    PYTHONPATH="$VKT_ROOT/tests" /usr/bin/python3 - <<'END'
 from common import *
-rng = numpy.random.default_rng(16)
-whole = rng.integers(-999, 999, (20, 31, 33)).astype("i2")
-part = rng.integers(-999, 999, (9, 11, 13)).astype("i2")
-numpy.save("part.npy", part)
-def put(to, *options, source="part.npy"):
-    return subprocess.run(["vkt", "write", source, to, *options], capture_output=True, text=True)
+from region_writing import *
+whole, part, want, rng = whole_and_part((20, 31, 33), 16)
 layouts = {"plain": {}, "chunked": {"chunks": (4, 7, 8)}, "packed": {"chunks": (4, 7, 8), "compression": "gzip", "shuffle": True, "fletcher32": True},
            "flat": {"chunks": (1, 31, 33), "compression": "gzip"}}
 with h5py.File("f.h5", "w") as f:
@@ -787,7 +783,6 @@ with h5py.File("f.h5", "w") as f:
     f["other"] = numpy.arange(7.0); f.create_dataset("wave", data=whole.astype("c8"), chunks=(5, 5, 5))
     f["soft"] = h5py.SoftLink("/g/chunked")
 before = open("f.h5", "rb").read()
-want = whole.copy(); want[8:17, 3:14, 20:33] = part
 for memory in ("1GiB", "40k", "1k"):  # by layers of chunks, by slices, by rows
     for path in ("g/plain", "g/chunked", "g/packed", "g/flat", "big", "soft"):
         open("f.h5", "wb").write(before)
@@ -804,14 +799,9 @@ for memory in ("1GiB", "40k", "1k"):  # by layers of chunks, by slices, by rows
                 for name in names:
                     if isinstance(f[name], h5py.Dataset) and f[name] != d: assert numpy.array_equal(f[name][()], old[name][()]), name
 # One volume of several, several at once, the imaginary part.
-for at, number, source in (("0,0,0", 1, part), ("2,1,0", 4, numpy.stack([part, part + 1]))):
-    numpy.save("p.npy", source)
-    path = "five" if number == 4 else "four"
+for path, at, number, source in (("four", (0, 0, 0), 1, part), ("five", (2, 1, 0), 4, numpy.stack([part, part + 1]))):
     with h5py.File("f.h5") as f: w = f[path][()].reshape(-1, 20, 31, 33)
-    x, y, z = map(int, at.split(","))
-    for i, one in enumerate(source.reshape(-1, 9, 11, 13)): w[number + i, z:z + 9, y:y + 11, x:x + 13] = one
-    run = put("f.h5:/" + path, "--at", at, "--index", str(number), "--force", source="p.npy")
-    assert run.returncode == 0, run.stderr
+    w = put_into(w, source, number, "f.h5:/" + path, *at)
     with h5py.File("f.h5") as f: assert numpy.array_equal(f[path][()].reshape(-1, 20, 31, 33), w), path
 numpy.save("p.npy", part.astype("f4"))
 assert put("f.h5:/wave", "--at", "0,0,0", "--index", "1", "--force", source="p.npy").returncode == 0
@@ -848,25 +838,25 @@ open("voxels.raw", "wb").write(data.tobytes())
 numpy.save("part.npy", data[:2, :2, :2] + numpy.uint8(9))
 END
     sha256sum f.h5 other.h5 voxels.raw >sums
-    fails_with 4 'is changed only with --force' vkt write part.npy f.h5:/d --at 0,0,0
-    fails_with 2 'is not there, and a region' vkt write part.npy f.h5:/new --at 0,0,0 --force
-    fails_with 4 'no such file to write into' vkt write part.npy new.h5:/d --at 0,0,0 --force
-    fails_with 2 'names no dataset' vkt write part.npy f.h5 --at 0,0,0 --force
-    fails_with 2 "'/group' is a group" vkt write part.npy f.h5:/group --at 0,0,0 --force
-    fails_with 2 'does not lie' vkt write part.npy f.h5:/d --at 5,0,0 --force
-    fails_with 2 'does not lie' vkt write part.npy f.h5:/d --at -1,0,0 --force
-    fails_with 2 'has 1 volume, and none of number 1' vkt write part.npy f.h5:/d --at 0,0,0 --index 1 --force
-    fails_with 2 'vkt convert --dtype float32' vkt write part.npy f.h5:/float --at 0,0,0 --force
-    fails_with 2 'holds values as 2' vkt write part.npy f.h5:/scaled --at 0,0,0 --force
-    fails_with 2 'not all bits count' vkt write part.npy f.h5:/mask --at 0,0,0 --force
-    fails_with 3 'holds' vkt write part.npy f.h5:/words --at 0,0,0 --force
-    fails_with 2 'filter 32000 (lzf), which is read and not written' vkt write part.npy f.h5:/lzf --at 0,0,0 --force
-    fails_with 2 'in which nothing is changed' vkt write part.npy f.h5:/elsewhere --at 0,0,0 --force
-    fails_with 2 'in which nothing is changed' vkt write part.npy f.h5:/virtual --at 0,0,0 --force
-    fails_with 2 "'/out' leads to another file" vkt write part.npy f.h5:/out/d --at 0,0,0 --force
-    fails_with 3 "'/far' is a link to another file" vkt write part.npy f.h5:/far --at 0,0,0 --force
-    fails_with 2 'leave out --compress' vkt write part.npy f.h5:/d --at 0,0,0 --force --compress
-    fails_with 2 '--at is for HDF5 datasets' vkt write part.npy part.nrrd --at 0,0,0 --force
+    refused_and_foretold 4 'is changed only with --force' vkt write part.npy f.h5:/d --at 0,0,0
+    refused_and_foretold 2 'is not there, and a region' vkt write part.npy f.h5:/new --at 0,0,0 --force
+    refused_and_foretold 4 'no such file to write into' vkt write part.npy new.h5:/d --at 0,0,0 --force
+    refused_and_foretold 2 'names no dataset' vkt write part.npy f.h5 --at 0,0,0 --force
+    refused_and_foretold 2 "'/group' is a group" vkt write part.npy f.h5:/group --at 0,0,0 --force
+    refused_and_foretold 2 'does not lie' vkt write part.npy f.h5:/d --at 5,0,0 --force
+    refused_and_foretold 2 'does not lie' vkt write part.npy f.h5:/d --at -1,0,0 --force
+    refused_and_foretold 2 'has 1 volume, and none of number 1' vkt write part.npy f.h5:/d --at 0,0,0 --index 1 --force
+    refused_and_foretold 2 'vkt convert --dtype float32' vkt write part.npy f.h5:/float --at 0,0,0 --force
+    refused_and_foretold 2 'holds values as 2' vkt write part.npy f.h5:/scaled --at 0,0,0 --force
+    refused_and_foretold 2 'not all bits count' vkt write part.npy f.h5:/mask --at 0,0,0 --force
+    refused_and_foretold 3 'holds' vkt write part.npy f.h5:/words --at 0,0,0 --force
+    refused_and_foretold 2 'filter 32000 (lzf), which is read and not written' vkt write part.npy f.h5:/lzf --at 0,0,0 --force
+    refused_and_foretold 2 'in which nothing is changed' vkt write part.npy f.h5:/elsewhere --at 0,0,0 --force
+    refused_and_foretold 2 'in which nothing is changed' vkt write part.npy f.h5:/virtual --at 0,0,0 --force
+    refused_and_foretold 2 "'/out' leads to another file" vkt write part.npy f.h5:/out/d --at 0,0,0 --force
+    refused_and_foretold 3 "'/far' is a link to another file" vkt write part.npy f.h5:/far --at 0,0,0 --force
+    refused_and_foretold 2 'leave out --compress' vkt write part.npy f.h5:/d --at 0,0,0 --force --compress
+    refused_and_foretold 2 '--at is for HDF5 datasets' vkt write part.npy part.nrrd --at 0,0,0 --force
     fails_with 2 '--index goes with --at' vkt write part.npy f.h5:/d --index 1 --force
     # What joins a file neither follows links out of it.
     fails_with 2 "write it there: -o other.h5:/g/d" vkt write part.npy f.h5:/out/d --force

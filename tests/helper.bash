@@ -22,6 +22,12 @@ fails_with() {
     [[ -z "$output" || "$output" == VKT1*ERR* ]] || { echo "stdout is not empty: $output" >&2; return 1; }
 }
 
+# refused_and_foretold CODE TEXT COMMAND…: fails_with, and the same where the command is only planned.
+refused_and_foretold() {
+    fails_with "$@"
+    fails_with "$@" -n
+}
+
 # only_shown FILE: it is UTF-8 of lines and characters that terminals show and do not act on, by Unicode's categories.
 only_shown() { /usr/bin/python3 -c '
 import sys, unicodedata

@@ -333,6 +333,13 @@ assert np.allclose(h["volumes"], np.array(g["counts"]) * voxel, rtol=1e-9), (h["
     vkt histogram r.nrrd --bins 3 --csv | cmp - h.csv
     fails_with 2 "files of that kind are not written" vkt histogram r.nrrd -o h.pdf
     [ ! -e h.pdf ]
+    fails_with 2 "'n.csv' is the name of CSV, --json asks for another form" vkt histogram r.nrrd --json -o n.csv
+    fails_with 2 "'n.csv' is the name of CSV, --mergeable asks" vkt histogram r.nrrd --range 0:9 --mergeable -o n.csv
+    fails_with 2 "'n.json' is the name of JSON, --csv asks for" vkt histogram r.nrrd --csv -o n.json
+    fails_with 2 "'n.png' is the name of a picture, --json asks" vkt histogram r.nrrd --json -o n.png
+    [ -z "$(find . -name 'n.*')" ]
+    vkt histogram r.nrrd --bins 3 --json -o again.json
+    cmp again.json h.json
 }
 
 @test "what cannot be is refused" {

@@ -435,3 +435,18 @@ assert a == b == 1.5, (a, b)"
     [ ! -e tree.vdb ]
     [ ! -e small.vdb ]
 }
+
+@test "a full disk is an error, and leaves nothing" {
+    mkdir small
+    mount -t tmpfs -o size=1m tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
+    vkt make noise --dims 100 100 100 -o noise.nrrd
+    failed=0
+    fails_with 4 "cannot write 'small/a.vdb': no space left" vkt write noise.nrrd small/a.vdb || failed=1
+    fails_with 4 "no space left" bash -c 'vkt make noise --dims 200 200 200 | vkt write small/b.vdb' || failed=1
+    [ -z "$(ls -A small)" ] || failed=1
+    umount small
+    [ $failed -eq 0 ]
+    run bash -c 'ulimit -f 1000; vkt write noise.nrrd d.vdb'
+    [[ "$status" -eq 4 && "$output" == *"'d.vdb'"*"too large"* ]]
+    [ ! -e d.vdb ]
+}

@@ -336,6 +336,34 @@ END
     fails_with 2 "--csv and --json" vkt stats r.nrrd --csv --json
 }
 
+@test "the name of a report's file says its form, or is refused before anything is read" {
+    vkt make constant --dims 3 4 5 --value 1 -o m.nrrd
+    for command in 'label m.nrrd' 'watershed m.nrrd' 'fill-holes m.nrrd' 'threshold m.nrrd --above 0'; do
+        # shellcheck disable=SC2086
+        for name in r r.json r.JSON; do vkt $command --report $name | vkt stats >/dev/null; done
+        cmp r r.json
+        cmp r r.JSON
+        for name in r.xml r.png r.csv.bak; do
+            # shellcheck disable=SC2086
+            fails_with 2 "--report $name: reports of that kind are not written" vkt $command --report $name -o out.nrrd
+            # shellcheck disable=SC2086
+            fails_with 2 "end the name in .json, .csv or .txt" vkt $command --report $name -n -o out.nrrd
+            [ ! -e out.nrrd ] && [ ! -e $name ]
+        done
+        rm r r.json r.JSON
+    done
+    vkt label m.nrrd --report l.csv -o l.nrrd
+    /usr/bin/python3 -c '
+import csv
+row, = csv.DictReader(open("l.csv"))
+assert row["components"] == row["label"] == "1" and row["size"] == "60" and row["upper_z"] == "5", row'
+    vkt label m.nrrd --report l.txt -o l.nrrd --force
+    grep -qx "components  *1" l.txt
+    vkt stack m.nrrd m.nrrd -o s.nrrd
+    vkt label s.nrrd --report s.csv -o l.nrrd --force
+    [ "$(wc -l <s.csv)" -eq 3 ]
+}
+
 @test "--report goes where no result does, and is one JSON also where it cannot be replaced" {
     vkt make checkerboard --dims 6 5 4 --dtype uint8 -o m.nrrd
     for file in - /dev/stdout; do

@@ -100,6 +100,24 @@ last = rows('b.png')[80 + 26 * 10:80 + 26 * 10 + 14, 200:]
 assert (last == 255).all(-1).any()"
 }
 
+@test "what is calculated from labels is not said to be labels, what is moved is" {
+    vkt label named.nrrd -o l.nrrd
+    labels() { vkt info | grep -a '^attribute.*\(meaning: labels\|Segment\)' >marks; }
+    for volume in named.nrrd l.nrrd; do
+        for words in 'flip x' 'crop --roi 1:,:,:' 'filter median' 'rotate --angle 20 --method nearest' 'fill-holes' \
+            'resample --scale 0.5 --method nearest' 'convert --dtype uint16' 'slice --z 4' 'arith add - 1'; do
+            vkt $words <$volume | labels
+        done
+        for words in 'filter gaussian --sigma 1' 'filter box' 'filter sobel' 'rotate --angle 20' 'resample --scale 0.5' \
+            'distance' 'project mean' 'clahe' 'convert --dtype uint8 --range 0:9'; do
+            run ! labels < <(vkt $words <$volume)
+        done
+    done
+    # A mask, smoothed, is drawn as the body that it is.
+    vkt convert l.nrrd --dtype uint8 | vkt arith mul - 200 | vkt filter gaussian --sigma 2 | vkt render --size 32 -o a.png -v 2>said
+    grep -q 'ray marching' said
+}
+
 @test "what labels cannot be drawn with is refused, and why" {
     fails_with 2 "the maximum of labels along a ray is no label" vkt render named.nrrd --labels always -ra maximum -o a.png
     fails_with 2 "nothing is scattered in them" vkt render named.nrrd --labels always -ra multi-scattering -o a.png

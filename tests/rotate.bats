@@ -281,6 +281,29 @@ for kind in (np.uint8, np.uint16, np.int32):
         assert (rotate(np.full((9, 9, 9), 100, kind), "--euler", "10,20,30", "--boundary", "mirror", "--method", method) == 100).all()'
 }
 
+@test "values near the largest number turn as smaller ones, and none becomes infinite or not a number" {
+    turn '
+most = np.finfo(float).max
+volumes = dict(noise=random.uniform(-1, 1, (14, 15, 16)) * most, one=np.full((14, 15, 16), most),
+               waves=(0.9 + 0.1 * np.sin(np.indices((14, 15, 16)).sum(0) / 5)) * most)
+volumes["waves"][3, 4, 5] = -most
+for name, v in volumes.items():
+    for about in (("--axis", "z", "--angle", 30), ("--axis", "1,1,0", "--angle", 20), ("--axis", "x", "--angle", 10)):
+        for method in "linear", "cubic", "lanczos3", "bspline3", "bspline5":
+            for how in (("--boundary", "mirror"), ("--boundary", "border:-1e308"), ()):
+                small = ("--boundary", f"border:{-1e308 * 2.0**-12!r}") if "border:-1e308" in how else how
+                got = rotate(v, *about, *how, "--method", method)
+                want = rotate(v * 2.0**-12, *about, *small, "--method", method)
+                assert np.isfinite(got).all(), (name, about, method, how)
+                assert np.array_equal(got, np.clip(want, -most * 2.0**-12, most * 2.0**-12) * 2.0**12), (name, about, method, how)
+v = volumes["noise"]
+v[7, 7, 7] = np.nan # stays what it is
+for method in "cubic", "lanczos3", "bspline3":
+    got, want = (rotate(w, "--axis", "z", "--angle", 30, "--boundary", "clamp", "--method", method) for w in (v, v * 2.0**-12))
+    assert np.array_equal(np.isnan(got), np.isnan(want)) and np.isnan(got).any() and not np.isinf(got).any()
+'
+}
+
 @test "single voxels, lines and planes; values with a scale and an offset" {
     turn '
 for shape in ((1, 1, 1), (1, 1, 7), (1, 7, 1), (7, 1, 1), (1, 9, 8), (8, 1, 9), (2, 2, 2)):

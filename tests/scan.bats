@@ -127,7 +127,27 @@ for dtype in TYPES[8:]:
     got, said = scan(a)
     assert np.array_equal(got, want, equal_nan=True)
     assert f"{(~np.isfinite(want)).sum()} of 378 voxels" in said and "not finite" in said, said
+    assert "from the first value on that is not" in said, said
 '
+}
+
+@test "sums beyond float64 are told as such, whatever the slabs, and are a loss" {
+    with_numpy '
+a = np.ones((6, 7, 9))
+a[1, 2, 3:] = np.finfo(np.float64).max / 2
+for options in ("", "--slab 1 --threads 1", "--slab 2 --threads 3"):
+    got, said = scan(a, options)
+    assert np.isfinite(got[0]).all() and np.isinf(got[5, 6, 8])
+    assert f"{(~np.isfinite(got)).sum()} of 378 voxels" in said and "from the first on that is beyond float64" in said, said
+    b = a.copy()
+    b[5, 6, 0] = np.nan
+    _, said = scan(b, options)
+    assert "from the first value on that is not" in said, said
+    _, said = scan(a, options + " --exclusive")
+    assert "of values that are not, or beyond float64" in said, said
+a.tofile("big_9x7x6_float64.raw")
+'
+    fails_with 3 'beyond float64' vkt scan big_9x7x6_float64.raw --strict -o no.vkt
 }
 
 @test "a slope is kept, an intercept is summed" {
@@ -141,6 +161,20 @@ assert "0.5" in run("vkt info out.nrrd").stdout
 run(f"vkt set {name} --slope 0.5 --intercept -1024 | vkt scan | vkt write - --format raw > out.raw")
 want = np.cumsum(np.cumsum(np.cumsum(a * 0.5 - 1024, 0), 1), 2)
 assert (np.fromfile("out.raw", np.float64) == want.ravel()).all()  # halves: exact
+'
+}
+
+@test "nor do slabs and threads for sums that are no numbers, sign included" {
+    with_numpy '
+for dtype in "float16", "float32", "float64":
+    for seed in range(4):
+        a = rng.normal(size=(33, 3, 8)).astype(dtype)
+        at = rng.random(a.shape)
+        a[at < 0.06], a[(at > 0.06) & (at < 0.1)], a[at > 0.96] = np.nan, np.inf, -np.inf
+        for first in "", "--exclusive":
+            want, _ = scan(a, first + " --slab 33 --threads 1")
+            for options in "--slab 1 --threads 1", "--slab 1 --threads 3", "--slab 2", "":
+                assert scan(a, f"{first} {options}")[0].tobytes() == want.tobytes(), (dtype, seed, first, options)
 '
 }
 

@@ -763,17 +763,12 @@ for path in ("g.zarr", "g.zarr/labels", "g.zarr/labels/cells"): open(path + "/.z
 
 @test "a region of an array that is there: its chunks and shards, whatever they are encoded by, and nothing else" {
     with_peer zarr
-    /usr/bin/python3 - <<'END'
+    PYTHONPATH="$VKT_ROOT/tests:$PYTHONPATH" /usr/bin/python3 - <<'END'
 from common import *
+from region_writing import *
 import zarr, numcodecs, shutil
 from zarr.codecs import BloscCodec, BytesCodec, GzipCodec, ZstdCodec, Crc32cCodec, TransposeCodec, ShardingCodec
-rng = np.random.default_rng(4)
-whole = rng.integers(-999, 999, (21, 32, 43)).astype("i2")
-part = rng.integers(-999, 999, (9, 11, 13)).astype("i2")
-np.save("part.npy", part)
-def put(to, *options, source="part.npy"):
-    return subprocess.run(["vkt", "write", source, to, *options], capture_output=True, text=True)
-want = whole.copy(); want[8:17, 3:14, 20:33] = part
+whole, part, want, rng = whole_and_part((21, 32, 43), 4)
 def files(folder): return {os.path.relpath(os.path.join(d, f), folder): open(os.path.join(d, f), "rb").read() for d, _, fs in os.walk(folder) for f in fs}
 makers = []
 for codec in (None, numcodecs.Zlib(3), numcodecs.GZip(3), numcodecs.Zstd(5), numcodecs.Blosc(cname="lz4", shuffle=2)):
@@ -816,14 +811,10 @@ for how in (dict(chunks=(8, 10, 11)), dict(chunks=(4, 5, 11), shards=(16, 20, 22
     assert np.array_equal(zarr.open("empty.zarr", mode="r")[...], w) and voxels("empty.zarr") == w.tobytes()
 # One volume of several, several at once, in chunks of several volumes; an array in a group.
 for shape, chunks, number, source in (((4, 21, 32, 43), (3, 8, 10, 11), 1, part), ((2, 3, 21, 32, 43), (1, 2, 8, 40, 50), 3, np.stack([part, part + 1]))):
-    np.save("p.npy", source)
     z = zarr.create_array("g.zarr/a", shape=shape, dtype="i2", chunks=chunks, overwrite=True)
     z[...] = rng.integers(-999, 999, shape)
     zarr.open_group("g.zarr", mode="a").create_array("b", shape=(2, 2), dtype="i2", overwrite=True)[...] = 5
-    w = z[...].reshape(-1, 21, 32, 43)
-    for i, one in enumerate(source.reshape(-1, 9, 11, 13)): w[number + i, 8:17, 3:14, 20:33] = one
-    run = put("g.zarr:/a", "--at", "20,3,8", "--index", str(number), "--force", source="p.npy")
-    assert run.returncode == 0, run.stderr
+    w = put_into(z[...].reshape(-1, 21, 32, 43), source, number, "g.zarr:/a")
     assert np.array_equal(zarr.open("g.zarr/a", mode="r")[...].reshape(w.shape), w)
 END
     for version in 2 3; do
@@ -854,23 +845,23 @@ END
     vkt make ramp --dims 100 20 10 --dtype uint8 | vkt write pyramid.zarr --pyramid
     vkt make ramp --dims 8 8 8 --dtype uint8 -o zip.zarr.zip
     find . -path '*.zarr*' -type f -exec sha256sum {} + >sums
-    fails_with 4 'is changed only with --force' vkt write part.npy d.zarr --at 0,0,0
-    fails_with 4 'no such store to write into' vkt write part.npy new.zarr --at 0,0,0 --force
-    fails_with 2 'is no directory' vkt write part.npy zip.zarr.zip --at 0,0,0 --force
-    fails_with 2 'holds several arrays' vkt write part.npy g.zarr --at 0,0,0 --force
-    fails_with 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr --at 0,0,0 --force
-    fails_with 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr:/1 --at 0,0,0 --force
-    fails_with 2 'does not lie' vkt write part.npy d.zarr --at 5,0,0 --force
-    fails_with 2 'does not lie' vkt write part.npy d.zarr --at -1,0,0 --force
-    fails_with 2 'has 1 volume, and none of number 1' vkt write part.npy d.zarr --at 0,0,0 --index 1 --force
-    fails_with 2 'vkt convert --dtype float32' vkt write part.npy float.zarr --at 0,0,0 --force
-    fails_with 2 'holds values as 2' vkt write float.npy float.zarr --at 0,0,0 --force
-    fails_with 2 'holds booleans' vkt write part.npy mask.zarr --at 0,0,0 --force
-    fails_with 2 'which is read and not written' vkt write part.npy lz4.zarr --at 0,0,0 --force
-    fails_with 2 'encoded by filters' vkt write part.npy delta.zarr --at 0,0,0 --force
+    refused_and_foretold 4 'is changed only with --force' vkt write part.npy d.zarr --at 0,0,0
+    refused_and_foretold 4 'no such store to write into' vkt write part.npy new.zarr --at 0,0,0 --force
+    refused_and_foretold 2 'is no directory' vkt write part.npy zip.zarr.zip --at 0,0,0 --force
+    refused_and_foretold 2 'holds several arrays' vkt write part.npy g.zarr --at 0,0,0 --force
+    refused_and_foretold 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr --at 0,0,0 --force
+    refused_and_foretold 2 "levels of an image, which would not show the same" vkt write part.npy pyramid.zarr:/1 --at 0,0,0 --force
+    refused_and_foretold 2 'does not lie' vkt write part.npy d.zarr --at 5,0,0 --force
+    refused_and_foretold 2 'does not lie' vkt write part.npy d.zarr --at -1,0,0 --force
+    refused_and_foretold 2 'has 1 volume, and none of number 1' vkt write part.npy d.zarr --at 0,0,0 --index 1 --force
+    refused_and_foretold 2 'vkt convert --dtype float32' vkt write part.npy float.zarr --at 0,0,0 --force
+    refused_and_foretold 2 'holds values as 2' vkt write float.npy float.zarr --at 0,0,0 --force
+    refused_and_foretold 2 'holds booleans' vkt write part.npy mask.zarr --at 0,0,0 --force
+    refused_and_foretold 2 'which is read and not written' vkt write part.npy lz4.zarr --at 0,0,0 --force
+    refused_and_foretold 2 'encoded by filters' vkt write part.npy delta.zarr --at 0,0,0 --force
     for option in --compress --pyramid '--chunk 8' '--codec zstd' '--zarr-version 3' '--zarr-version 3 --shard 8'; do
         # shellcheck disable=SC2086 # options and their values
-        fails_with 2 'leave out --' vkt write part.npy d.zarr --at 0,0,0 --force $option
+        refused_and_foretold 2 'leave out --' vkt write part.npy d.zarr --at 0,0,0 --force $option
     done
     # Voxels that end early, and a writer that is killed while it waits for more, with chunks of it made.
     vkt make ramp --dims 6 5 4 --dtype uint8 -o part.vkt

@@ -241,7 +241,7 @@ void OperationSource::settle_error(std::vector<Header> const& headers, bool scan
         plan_.output.error = VolumeError::lost(text(operation_.name(), " has to read all voxels to know it"));
         return;
     }
-    plan_.output.error = travelled(headers, plan_, operation_.name());
+    settle_header(headers, plan_, operation_.name());
 }
 
 /// Chooses how to work within the budget, before anything is read, and spools what then cannot be read as it comes.

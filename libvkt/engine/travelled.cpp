@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/travelled.h"
 
+#include "libvkt/core/label_marks.h"
 #include "libvkt/core/text.h"
 
 #include <cmath>
@@ -141,6 +142,14 @@ VolumeError travelled(std::span<Header const> inputs, Plan const& plan, std::str
     }
     if (values && !(limit && *values == *limit) && values->finite()) result.values = values;
     return result;
+}
+
+void settle_header(std::span<Header const> inputs, Plan& plan, std::string_view name) {
+    plan.output.error = travelled(inputs, plan, name);
+    ErrorPassing const& passing = plan.passing;
+    // What has a bound of its own for storing values chose a type for them.
+    bool const calculated = passing.known && passing.storing == Storing::computes && !passing.own;
+    if (calculated && !inputs.empty() && inputs[0].kind == plan.output.kind) forget_labels(plan.output);
 }
 
 } // namespace vkt

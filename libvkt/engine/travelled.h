@@ -19,4 +19,9 @@ std::optional<ValueInterval> values_read(Header const& input, Plan const& plan);
 /// is given, if its plan knows.
 VolumeError travelled(std::span<Header const> inputs, Plan const& plan, std::string_view name);
 
+/// What the result does not inherit, once its type is settled: another's error, which is travelled() instead, and,
+/// where values are calculated from labels, that they are labels, since 1.5 names nothing. A tree that is made of a
+/// grid still stands for that.
+void settle_header(std::span<Header const> inputs, Plan& plan, std::string_view name);
+
 } // namespace vkt

@@ -151,7 +151,7 @@ Execution execution_for(Box const& box, Execution const& execution) {
 TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
                  StageInfo const& info, TreeOptions const& options)
     : headers_(headers_of(inputs)), work_(work_of(operation, std::move(inputs), on_host(execution), info, options)) {
-    work_->plan.output.error = travelled(headers_, work_->plan, operation.name());
+    settle_header(headers_, work_->plan, operation.name());
 }
 
 Plan const& TreeRun::plan() const { return work_->plan; }

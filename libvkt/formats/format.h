@@ -66,7 +66,7 @@ struct WriteOptions {
     ZarrLayout zarr{};
     /// HDF5 and Zarr: into the dataset that is there, from this voxel on; the rest of it stays, and how it is stored.
     std::optional<Index3> at{};
-    std::int64_t at_volume = 0; ///< of several volumes of that dataset the one with which this begins
+    std::optional<std::int64_t> at_volume{}; ///< of several volumes of that dataset the one with which this begins
     /// Told once a file what of a volume its format does not hold, in one line.
     std::function<void(std::string const&)> notice{};
     /// The same of pictures, which are for the eye: no loss that anybody would refuse.

@@ -166,6 +166,7 @@ public:
         written_.background = background_ ? *background_ : stored_background(header_).value_or(0);
         written_.name = attribute("variable", "density");
         written_.grid_class = attribute("class", "");
+        written_.shown = file_.path();
         write_vdb(*volume_, text("/dev/fd/", file_.descriptor()), written_);
     }
     void close() override { file_.commit(); }

@@ -10,16 +10,8 @@
 
 namespace vkt {
 
-namespace {
-
-constexpr std::string_view segment_prefix = "Segment";
-
-} // namespace
-
 void mark_as_labels(Header& header) {
-    std::erase_if(header.attributes, [](auto const& pair) {
-        return segment_key(pair.first).has_value() || pair.first.starts_with("Segmentation_");
-    });
+    forget_label_names(header);
     header.attributes[meaning_key] = labels_meaning;
 }
 
@@ -34,15 +26,6 @@ bool holds_labels(Header const& header) {
         auto const key = segment_key(pair.first);
         return key && key->field == "LabelValue";
     });
-}
-
-std::optional<SegmentKey> segment_key(std::string_view key) {
-    if (!key.starts_with(segment_prefix)) return {};
-    std::size_t const underscore = key.find('_');
-    if (underscore == std::string_view::npos || underscore == segment_prefix.size()) return {};
-    std::string const digits(key.substr(segment_prefix.size(), underscore - segment_prefix.size()));
-    if (!std::ranges::all_of(digits, [](char c) { return c >= '0' && c <= '9'; }) || digits.size() > 9) return {};
-    return SegmentKey{std::stoll(digits), std::string(key.substr(underscore + 1))};
 }
 
 std::map<std::int64_t, LabelText> label_texts(std::map<std::string, std::string> const& attributes) {

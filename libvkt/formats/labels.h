@@ -2,19 +2,15 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/header.h"
+#include "libvkt/core/label_marks.h"
 
 #include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 
 namespace vkt {
-
-/// The attribute that says of a volume that its values are labels.
-inline constexpr char meaning_key[] = "meaning", labels_meaning[] = "labels";
 
 /// Says so of a volume whose labels are new: what was said of others is forgotten.
 void mark_as_labels(Header& header);
@@ -22,13 +18,6 @@ void mark_as_labels(Header& header);
 /// Whether stored values are labels, by what the header says: integers, and the attribute, the pairs of a segmentation
 /// or the intent code of NIfTI for labels (1002).
 bool holds_labels(Header const& header);
-
-/// SegmentN_FIELD, as 3D Slicer writes its pairs.
-struct SegmentKey {
-    std::int64_t number;
-    std::string field;
-};
-std::optional<SegmentKey> segment_key(std::string_view key);
 
 /// What is said of a label. Colours are sRGB, 0 to 1.
 struct LabelText {

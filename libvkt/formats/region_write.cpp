@@ -11,11 +11,16 @@
 
 namespace vkt {
 
-void check_part(RegionTarget const& target, Header const& part, WriteOptions const& options, std::int64_t number) {
+std::int64_t checked_volume(RegionTarget const& target, Header const& part, WriteOptions const& options,
+                            std::int64_t written) {
     auto const refuse = [&](std::string const& what, std::string const& hint) {
         throw Error(ErrorKind::usage, text("'", target.name, "' ", what), hint);
     };
     Header const& whole = target.whole;
+    if (target.volumes > 1 && !options.at_volume)
+        refuse(text("has ", target.volumes, " volumes, and it is not said which of them is written to"),
+               "say --index N, counted from 0; further volumes go into those behind it");
+    std::int64_t const number = options.at_volume.value_or(0) + written;
     if (number >= target.volumes)
         refuse(
             text("has ", target.volumes, target.volumes == 1 ? " volume" : " volumes", ", and none of number ", number),
@@ -30,6 +35,7 @@ void check_part(RegionTarget const& target, Header const& part, WriteOptions con
         refuse(text("holds values as ", whole.values.slope, " * stored + ", whole.values.intercept,
                     ", and the part as ", part.values.slope, " * stored + ", part.values.intercept),
                text("let 'vkt copy' convert them: vkt copy PART ", shell_quoted(target.name), " --at ... -o OUT"));
+    return number;
 }
 
 Header with_part(RegionTarget const& target, Header const& part, Index3 at) {

@@ -21,9 +21,11 @@ struct RegionTarget {
     std::int64_t volumes = 1;
 };
 
-/// Throws Error{usage} for a part that does not fit into volume `number` from options.at on, or whose numbers are
+/// The number of the volume of the target that the part is written into after `written` others. Throws Error{usage} if
+/// it is not said, if there is none, and for a part that does not fit into it from options.at on, or whose numbers are
 /// others.
-void check_part(RegionTarget const& target, Header const& part, WriteOptions const& options, std::int64_t number);
+std::int64_t checked_volume(RegionTarget const& target, Header const& part, WriteOptions const& options,
+                            std::int64_t written);
 
 /// The header of what vkt wrote, once the part is in it: how it came about, and how exact it is.
 Header with_part(RegionTarget const& target, Header const& part, Index3 at);

@@ -85,7 +85,7 @@ void WriteRequest::declare(Parameters& p) {
     p.option("codec", options_.zarr.codec, "C", "Zarr: what compresses; --compress is blosc, or the best there is");
     p.option("at", options_.at, "X Y Z",
              "HDF5, Zarr: into the dataset that is there, beginning at this voxel; all else stays");
-    p.option("index", index_, "N", "with --at: the volume of several that is written to, counted from 0");
+    p.option("index", index_, "N", "with --at: which of several volumes is written to, counted from 0");
     p.flag("force", options_.force, "overwrite an existing output file");
 }
 
@@ -146,7 +146,7 @@ void WriteRequest::check_region(std::string const& path, std::string const& form
 
 WriteOptions WriteRequest::options() const {
     WriteOptions options = options_;
-    options.at_volume = index_.value_or(0);
+    options.at_volume = index_;
     options.background = background_;
     if (chunk_) options.zarr.chunk = voxels_of(*chunk_, "--chunk");
     if (shard_) options.zarr.shard = voxels_of(*shard_, "--shard");

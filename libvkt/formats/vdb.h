@@ -38,6 +38,7 @@ struct VdbWriteOptions {
     double background = 0;        ///< voxels of this stored value are not kept
     std::optional<double> prune;  ///< also voxels this near it; nodes whose voxels differ by no more become tiles
     std::string grid_class;       ///< "fog volume", "level set" or empty
+    std::string shown;            ///< what messages call the file, if not by its path
 };
 
 /// Writes a structured or hierarchical volume as one grid: cells of coarse levels become tiles where they fill nodes.

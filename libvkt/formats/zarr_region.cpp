@@ -106,6 +106,10 @@ public:
         layers_.add(voxels, n, [&](Box const& box, std::byte const* from) { flush(box, from); });
     }
     void close() override;
+    void plan(Header const& header) override {
+        check(header);
+        ++volumes_;
+    }
 
 private:
     /// What a thread keeps from chunk to chunk.
@@ -117,6 +121,7 @@ private:
         throw Error(ErrorKind::usage, text("'", name_, "' ", what), hint);
     }
     void open();
+    std::int64_t check(Header const& header);
     void check_storage() const;
     void tell_past(Header const& part);
     RegionTarget target() const { return {name_, whole_, layout_->volumes()}; }
@@ -157,10 +162,15 @@ RegionWriter::RegionWriter(std::string const& path, WriteOptions const& options)
                text("write all of it again: vkt copy PART ", shell_quoted(path), " --at ... -o OUT"));
 }
 
-void RegionWriter::begin(Header const& header) {
+/// Returns which volume of the array it is written into.
+std::int64_t RegionWriter::check(Header const& header) {
     refuse_bricks(header, "Zarr arrays");
     if (volumes_ == 0) open();
-    check_part(target(), header, options_, options_.at_volume + volumes_);
+    return checked_volume(target(), header, options_, volumes_);
+}
+
+void RegionWriter::begin(Header const& header) {
+    std::int64_t const number = check(header);
     if (volumes_ == 0) {
         directory_.emplace(
             text(zarr::key_of(found_->array.folder, ".region")), false, [](std::string const&) { return false; },
@@ -168,7 +178,7 @@ void RegionWriter::begin(Header const& header) {
         if (found_->array.codecs.empty()) directory_->expect(header.bytes());
         tell_past(header);
     }
-    volume_ = layout_->place(options_.at_volume + volumes_);
+    volume_ = layout_->place(number);
     ++volumes_;
     // Files are made once where the budget has room for a layer of them.
     layers_.begin(header, *options_.at, layout_->file().z, options_.memory.value_or(default_memory()) / 8);

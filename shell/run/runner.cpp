@@ -62,7 +62,7 @@ StageInfo Runner::stage_info(Invocation const& stage) {
     };
     if (!stage.common().report_file.empty()) {
         auto const collected = std::make_shared<std::vector<Report>>();
-        auto const write = [&stage, collected] {
+        auto const write = [&stage, collected, form = stage.common().report_form()] {
             if (collected->empty()) return;
             OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
             constexpr std::size_t at_once = 1 << 20; // a report may have a row for every few voxels
@@ -71,10 +71,14 @@ StageInfo Runner::stage_info(Invocation const& stage) {
                 file.write(written.data(), written.size());
                 written.clear();
             };
-            Report::json(*collected, [&](std::string_view piece) {
+            auto const take = [&](std::string_view piece) {
                 written += piece;
                 if (written.size() >= at_once) flush();
-            });
+            };
+            if (form == ReportForm::json)
+                Report::json(*collected, take);
+            else
+                take(Report::print(*collected, form));
             flush();
             file.commit();
         };
@@ -449,6 +453,7 @@ int Runner::run() {
     for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
     check_ends();
     if (!dry_run_) spare_inputs(stages_);
+    for (auto const& stage : stages_) static_cast<void>(stage.common().report_form()); // refuses what none has
     std::unique_ptr<Source> source;
     try {
         take_gpus();

@@ -20,20 +20,41 @@ Handle access_to_write() {
     return access;
 }
 
-std::optional<Handle> copy_of_existing(OutputFile const& file, std::size_t more) {
-    namespace fs = std::filesystem;
-    std::string const& name = file.target();
+namespace {
+
+namespace fs = std::filesystem;
+
+/// 0 if there is no such file.
+std::uintmax_t bytes_of(std::string const& name) {
     std::error_code failed;
     std::uintmax_t const bytes = fs::is_regular_file(name, failed) ? fs::file_size(name, failed) : 0;
-    if (failed || bytes == 0) return {};
+    return failed ? 0 : bytes;
+}
+
+Handle opened(Handle copy, OutputFile const& file) {
+    if (!copy)
+        throw Error(ErrorKind::data, text("'", file.target(), "' is no HDF5 file that datasets can be added to"),
+                    text("to replace all of it, name no dataset: -o ", shell_quoted(file.path()), " --force"));
+    return copy;
+}
+
+} // namespace
+
+std::optional<Handle> existing(OutputFile const& file) {
+    std::string const& name = file.target();
+    if (bytes_of(name) == 0) return {};
+    return opened({H5Fopen(name.c_str(), H5F_ACC_RDONLY, access_to_write()), H5Fclose}, file);
+}
+
+std::optional<Handle> copy_of_existing(OutputFile const& file, std::size_t more) {
+    std::string const& name = file.target();
+    std::uintmax_t const bytes = bytes_of(name);
+    if (bytes == 0) return {};
+    std::error_code failed;
     file.expect(static_cast<std::size_t>(bytes) + more);
     if (!fs::copy_file(name, file.temporary(), fs::copy_options::overwrite_existing, failed))
         throw Error(ErrorKind::io, text("cannot copy '", name, "': ", failed.message()));
-    Handle copy(H5Fopen(file.temporary().c_str(), H5F_ACC_RDWR, access_to_write()), H5Fclose);
-    if (!copy)
-        throw Error(ErrorKind::data, text("'", name, "' is no HDF5 file that datasets can be added to"),
-                    text("to replace all of it, name no dataset: -o ", shell_quoted(file.path()), " --force"));
-    return copy;
+    return opened({H5Fopen(file.temporary().c_str(), H5F_ACC_RDWR, access_to_write()), H5Fclose}, file);
 }
 
 bool is_taken(std::int64_t copy, std::string const& path, OutputFile const& file) {

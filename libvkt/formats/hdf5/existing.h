@@ -18,6 +18,9 @@ Handle access_to_write();
 /// `more` bytes are going to be added. Throws Error{io, data}.
 std::optional<Handle> copy_of_existing(OutputFile const& file, std::size_t more);
 
+/// What has the name of `file` now, open to be looked at; none if there is no such file. Throws Error{data}.
+std::optional<Handle> existing(OutputFile const& file);
+
 /// True if something has this path in an open copy; the file's groups lead there. Throws Error{usage} for a group, a
 /// path through what is none, and one that leads on to another file, in which nothing is to be changed.
 bool is_taken(std::int64_t copy, std::string const& path, OutputFile const& file);

@@ -33,6 +33,11 @@ public:
     }
 
     void begin(Header const& header) override;
+    void plan(Header const& header) override {
+        refuse_bricks(header, "HDF5 datasets");
+        if (volumes_ == 0) open(existing(file_));
+        check(header);
+    }
     void write(std::byte const* voxels, std::size_t n) override;
     void close() override;
 
@@ -40,7 +45,8 @@ private:
     [[noreturn]] void refuse(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::usage, text("'", file_.path(), ":", dataset_, "' ", what), hint);
     }
-    void open(Header const& header);
+    void open(std::optional<Handle> file);
+    void check(Header const& header);
     void check_storage() const;
     RegionTarget target() const { return {text(file_.path(), ":", dataset_), grids_.header, grids_.volumes}; }
     void tell_past();
@@ -51,32 +57,36 @@ private:
     std::optional<Datasets> all_;
     std::optional<ChosenDataset> chosen_;
     ParsedGrids grids_;
-    Header part_; ///< of the volumes that come
-    std::int64_t volumes_ = 0;
+    Header part_;                           ///< of the volumes that come
+    std::int64_t volumes_ = 0, number_ = 0; ///< number_: of the dataset's volume that is written to
     RegionLayers layers_;
 };
 
 void RegionWriter::begin(Header const& header) {
     refuse_bricks(header, "HDF5 datasets");
     if (volumes_ == 0) {
-        open(header);
+        open(copy_of_existing(file_, header.bytes()));
         part_ = header;
     }
-    check_part(target(), header, options_, options_.at_volume + volumes_);
-    ++volumes_;
+    check(header);
     // Chunks are opened once where the budget has room for a layer of them.
     layers_.begin(header, *options_.at, chosen_->chunk().z, options_.memory.value_or(default_memory()) / 8);
 }
 
-void RegionWriter::open(Header const& header) {
-    std::optional<Handle> copy = copy_of_existing(file_, header.bytes());
-    bool const taken = copy && is_taken(*copy, dataset_, file_);
+void RegionWriter::check(Header const& header) {
+    number_ = checked_volume(target(), header, options_, volumes_);
+    ++volumes_;
+}
+
+/// `file`: to be changed, or only looked at.
+void RegionWriter::open(std::optional<Handle> file) {
+    bool const taken = file && is_taken(*file, dataset_, file_);
     if (!taken)
         refuse("is not there, and a region is written into what is",
                text("make it first: vkt make constant --dims X Y Z -o ",
                     shell_quoted(text(file_.path(), ":", dataset_)), " --force"));
     register_filters();
-    all_.emplace(file_.path(), std::move(*copy));
+    all_.emplace(file_.path(), std::move(*file));
     all_->find_linked(dataset_); // refuses what is no dataset of numbers, and links to other files
     Dataset const& one = all_->all().front();
     grids_.header.dtype = one.type;
@@ -102,7 +112,7 @@ void RegionWriter::check_storage() const {
 
 void RegionWriter::write(std::byte const* voxels, std::size_t n) {
     layers_.add(voxels, n, [&](Box const& box, std::byte const* from) {
-        if (!chosen_->write(options_.at_volume + volumes_ - 1, box, from))
+        if (!chosen_->write(number_, box, from))
             throw Error(ErrorKind::io,
                         text("cannot write '", file_.path(), "': HDF5 cannot store voxels: is the disk full?"));
     });

@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/io/system_error.h"
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wconversion"
@@ -156,6 +157,18 @@ private:
     std::uint64_t state_;
 };
 
+/// OpenVDB's class for files does not look whether what it writes arrives: on a full disk it ends as if all were well.
+struct Archive : openvdb::io::Archive {
+    using openvdb::io::Archive::write;
+};
+
+void write_file(openvdb::GridBase::Ptr const& grid, std::string const& path) {
+    std::ofstream file(path, std::ios::binary);
+    file.exceptions(std::ios::failbit | std::ios::badbit);
+    Archive().write(file, openvdb::GridCPtrVec{grid}, true);
+    file.close();
+}
+
 /// OpenVDB gives every file a random UUID. One that follows from the rest of the file makes equal volumes equal files.
 void replace_uuid(std::string const& path) {
     constexpr std::streamoff place = 21; // behind the magic number, three version numbers and a flag
@@ -251,6 +264,7 @@ namespace openvdb_module {
 
 void write(Volume const& volume, std::string const& path, VdbWriteOptions const& options) {
     Header const& header = volume.header();
+    std::string const& shown = options.shown.empty() ? path : options.shown;
     for (int a = 0; a < 3; ++a)
         if (header.dims[a] > std::numeric_limits<int>::max())
             throw Error(ErrorKind::usage, text("OpenVDB counts voxels up to 2^31, not ", header.dims));
@@ -283,16 +297,16 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         }
         write_attributes(kept.attributes, *grid);
         grid->insertMeta(header_name, openvdb::StringMetadata(to_json(kept)));
-        openvdb::io::File file(path);
-        file.write(openvdb::GridCPtrVec{grid});
-        file.close();
+        write_file(grid, path);
         replace_uuid(path);
     } catch (Error const&) {
         throw;
     } catch (std::bad_alloc const&) {
-        throw Error(ErrorKind::resources, text("not enough memory to write ", path));
+        throw Error(ErrorKind::resources, text("not enough memory to write '", shown, "'"));
+    } catch (std::ios::failure const&) { // the stream does not say why, and the last thing that failed was its writing
+        throw system_error(text("cannot write '", shown, "'"));
     } catch (std::exception const& error) {
-        throw Error(ErrorKind::io, text("cannot write ", path, ": ", error.what()));
+        throw Error(ErrorKind::io, text("cannot write '", shown, "': ", error.what()));
     }
 }
 

@@ -248,6 +248,11 @@ void Onto::plan_turned() {
     filter_weights_.assign(spline_.prefilter.weight.begin(), spline_.prefilter.weight.end());
     spline_.boundary = sampling_.boundary.value_or(Boundary::clamp);
     spline_.border = values_.border;
+    // Coefficients are up to gain^3 times as large as voxels, which may be the largest numbers that there are.
+    if (values_.in == DataType::float64) {
+        spline_.scale = std::exp2(-std::ceil(3 * std::log2(spline_.prefilter.gain)));
+        sampling_.scale /= spline_.scale;
+    }
     // From there on all voxels that a coefficient is made of are the same along the axis.
     sampling_.beyond = spline_.prefilter.radius + 1;
     bool const folds = spline_.boundary == Boundary::wrap || spline_.boundary == Boundary::mirror;
@@ -272,7 +277,7 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
         error.range += 1.5 * spline_.prefilter.cut * g * g; // weights that sum to 0, of which each axis has some
         error.magnitude +=
             3 * g * g * g * (storing_error(spline_.type) + static_cast<double>(spline_.prefilter.radius + 2) * 0x1p-52);
-        error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(spline_.type);
+        error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(spline_.type) / spline_.scale;
     } else if (!placement_.aligned && sampling_.single) { // three roundings a step, and those of the fractions
         error.range += 3 * 0x1p-24;
         error.magnitude += 9 * 0x1p-24;

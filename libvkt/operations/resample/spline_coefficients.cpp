@@ -48,7 +48,8 @@ void spline_coefficients(SplineRule const& rule, std::vector<double> const& weig
     filter.radius = rule.prefilter.radius;
     filter.dims = dims;
     filter.boundary = rule.boundary;
-    filter.border = rule.border;
+    filter.border = rule.border * rule.scale;
+    filter.scale = rule.scale;
     if (held == out.box) return bspline_coefficients(in, out, out.box, source, filter, execution);
     scratch.reserve(static_cast<std::size_t>(held.voxels()) * size_of(rule.type));
     AnyView const wider = dense_view(scratch.write(execution.space()), rule.type, held, execution.space());

@@ -16,6 +16,7 @@ struct SplineRule {
     Boundary boundary = Boundary::clamp;
     double border = 0;       ///< stored value, for Boundary::border
     std::int64_t margin = 0; ///< voxels beyond the faces that have coefficients too
+    double scale = 1;        ///< coefficients are those of voxels times this power of two
 
     /// The margin of a volume of these extents: none along axes of one voxel that is continued as it is.
     Index3 margins(Index3 dims) const;

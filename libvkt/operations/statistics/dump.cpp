@@ -78,7 +78,8 @@ std::vector<std::string> Dump::input_names() const { return {!file_.empty() ? fi
 
 void Dump::parameters(Parameters& p) {
     p.positional("in", in_, "input: a file of any known format, a stream, or '-' (the default)").optional();
-    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "print only these voxels (half-open); X0:X1:S is every S-th");
+    p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1",
+             "print only these voxels (half-open), under their numbers in the whole volume; X0:X1:S is every S-th");
     p.option("first", first, "X Y Z", "print from this voxel (volkit)");
     p.option("last", last, "X Y Z", "up to, not including, this voxel (volkit)");
     p.option("input", file_, "FILE", "the volume, in volkit's spelling").short_form('i').not_in_history();

@@ -121,10 +121,14 @@ std::vector<Remark> Scan::remarks() const {
     if (losses_.clipped > 0)
         result.push_back(
             {text(share_text(losses_.clipped, voxels), ": sums beyond 64 bits, stored as their nearest end"), true});
-    if (losses_.undefined > 0)
-        result.push_back({text(share_text(losses_.undefined, voxels),
-                               ": sums that are not finite, from the first value on that is not"),
-                          false});
+    if (losses_.undefined > 0) {
+        bool const overflow = state_.looked && !state_.odd;
+        result.push_back({text(share_text(losses_.undefined, voxels), ": sums that are not finite, ",
+                               overflow        ? "from the first on that is beyond float64"
+                               : state_.looked ? "from the first value on that is not"
+                                               : "of values that are not, or beyond float64"),
+                          overflow});
+    }
     return result;
 }
 

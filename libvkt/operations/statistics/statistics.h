@@ -46,7 +46,14 @@ struct FloatMoments {
     double mean = 0, mean_error = 0; ///< less the origin
     double deviations = 0, deviations_error = 0;
 
-    VKT_HD void append(FloatMoments const& next) {
+    VKT_HD void append(FloatMoments const& next) { append(next, share(finite, next.finite)); }
+    /// What part of both's finite values the next ones are.
+    VKT_HD static double share(std::int64_t before, std::int64_t next) {
+        auto const a = static_cast<double>(before), b = static_cast<double>(next);
+        return next == 0 ? 0 : b / (a + b);
+    }
+    /// The same where that share is known: a division waits for nothing but counts.
+    VKT_HD void append(FloatMoments const& next, double share) {
         nan += next.nan;
         above += next.above;
         below += next.below;
@@ -61,8 +68,8 @@ struct FloatMoments {
             deviations_error = next.deviations_error;
             return;
         }
-        auto const a = static_cast<double>(finite), b = static_cast<double>(next.finite);
-        double const share = b / (a + b), difference = next.mean - mean, back = difference - next.mean;
+        auto const a = static_cast<double>(finite);
+        double const difference = next.mean - mean, back = difference - next.mean;
         double const lost = (next.mean - (difference - back)) - (mean + back) + (next.mean_error - mean_error);
         double const delta = difference + lost;
         add(deviations, deviations_error, next.deviations);

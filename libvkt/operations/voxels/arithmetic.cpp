@@ -102,6 +102,26 @@ bool is_function(ArithmeticOp op) {
 }
 /// Yields 0 or 1.
 bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
+/// Whether stored values of two volumes with this map give, combined, the stored value of what is meant.
+bool agrees_with(ValueMap const& map, ArithmeticOp op) {
+    switch (op) {
+    case ArithmeticOp::add:
+    case ArithmeticOp::sub:
+        return map.intercept == 0;
+    case ArithmeticOp::absdiff:
+        return map.intercept == 0 && map.slope > 0;
+    case ArithmeticOp::eq:
+    case ArithmeticOp::ne:
+    case ArithmeticOp::where:
+        return true;
+    case ArithmeticOp::mul:
+    case ArithmeticOp::div:
+        return false;
+    default:
+        return map.slope > 0; // what is larger stays larger
+    }
+}
+
 /// Why a function may pass on errors without a limit.
 char const* steepness(ArithmeticOp op) {
     switch (op) {
@@ -114,6 +134,16 @@ char const* steepness(ArithmeticOp op) {
     default:
         return "";
     }
+}
+
+/// What powers that are counted as undefined are: what a number, as base or exponent, leaves possible.
+char const* undefined_powers(std::optional<Number> const& base, std::optional<Number> const& exponent) {
+    bool const divide = (!base || base->value == 0) && (!exponent || exponent->value < 0);
+    bool const root = (!base || base->value < 0) && (!exponent || exponent->value != std::floor(exponent->value));
+    if (divide && root)
+        return " undefined: 0 to a power below 0, divided by zero, or powers of numbers below 0 that no real number is";
+    return divide ? " undefined: 0 to a power below 0, divided by zero"
+                  : " undefined: powers that no real number is, of numbers below 0";
 }
 
 struct FunctionRange {
@@ -266,7 +296,8 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
     }
     bool const mapped = first != nullptr && !(first->values == ValueMap{});
     // Signs, zeros and functions are of physical values; clamp and where keep stored ones, and numbers follow them.
-    bool const physical = (number && mapped) || differ || (is_function(op) || is_logic(op) || n == 1 ? mapped : false);
+    bool const meant = number || is_function(op) || is_logic(op) || n == 1;
+    bool const physical = differ || (mapped && (meant || !agrees_with(first->values, op)));
     bool const picks = op == ArithmeticOp::clamp || (op == ArithmeticOp::where && !differ);
     if (picks && mapped) {
         for (std::size_t i = 1; i < n; ++i)
@@ -599,7 +630,7 @@ std::vector<Remark> Arithmetic::remarks() const {
     std::vector<Remark> result = store_remarks(counts_, voxels_, choice_.type);
     char const* const what = op == ArithmeticOp::sqrt  ? " undefined: roots of numbers below 0"
                              : op == ArithmeticOp::log ? " undefined: logarithms of numbers not above 0"
-                             : op == ArithmeticOp::pow ? " undefined: powers that no real number is"
+                             : op == ArithmeticOp::pow ? undefined_powers(choice_.numbers.at(0), choice_.numbers.at(1))
                                                        : " divided by zero";
     if (counts_.undefined > 0) result.push_back({text(share_text(counts_.undefined, voxels_), what), true});
     return result;

@@ -52,17 +52,17 @@ template <> struct EnumNames<ArithmeticOp> {
 /// Volumes and numbers that an operation takes.
 int operand_count(ArithmeticOp op);
 
-/// Voxel by voxel; dims and geometry must agree. Two volumes with equal value maps are combined in stored values,
-/// keeping the map; with different maps, or with a number and a map, in physical values, in double precision step by
-/// step. Without maps results are those of real arithmetic, rounded once half to even, and saturate, whatever the
-/// types; a number is the float64 nearest to it, or the whole number of up to 64 bits (between integers up to 2^99)
-/// that it is. x / 0 in integers is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow
-/// IEEE 754. min and max hand NaN on. Comparisons and logic give uint8 0 and 1; comparisons with NaN are false but for
-/// ne, and NaN counts as true. pow, sqrt, exp and log give float32 or, of 32-bit and wider types, float64, within two
-/// units in the last place of float64 before that is stored. where takes the second operand where the first is not 0,
-/// the third elsewhere. With a region the result has the type and the value map of the first volume, whose values all
-/// other voxels keep, as in transform; of comparisons and logic these are 0, as in threshold, and where gives the third
-/// operand there.
+/// Voxel by voxel; dims and geometry must agree. Results are of physical values, in double precision step by step,
+/// where there are value maps; two volumes with equal ones keep the map, and are combined in stored values where that
+/// comes to the same. Without maps results are those of real arithmetic, rounded once half to even, and saturate,
+/// whatever the types; a number is the float64 nearest to it, or the whole number of up to 64 bits (between integers up
+/// to 2^99) that it is. x / 0 in integers is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats
+/// follow IEEE 754. min and max hand NaN on. Comparisons and logic give uint8 0 and 1; comparisons with NaN are false
+/// but for ne, and NaN counts as true. pow, sqrt, exp and log give float32 or, of 32-bit and wider types, float64,
+/// within two units in the last place of float64 before that is stored. where takes the second operand where the first
+/// is not 0, the third elsewhere. With a region the result has the type and the value map of the first volume, whose
+/// values all other voxels keep, as in transform; of comparisons and logic these are 0, as in threshold, and where
+/// gives the third operand there.
 class Arithmetic : public Operation, public Tunable {
 public:
     ArithmeticOp op = ArithmeticOp::add;

@@ -5,6 +5,8 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/shuffle.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
+#include "libvkt/operations/filter/kernels/large_rows.h"
 #include "libvkt/operations/resample/kernels/affine_places.h"
 #include "libvkt/operations/resample/kernels/affine_single.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
@@ -217,13 +219,51 @@ void make_row(AnyView out, AffineSampling const& rule, XRange all, XRange in_it,
     tally.outside += n - m;
     if (m > 0) samples(there);
     if (rule.scale != 1 || rule.offset != 0)
-        for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+        for (std::int64_t i = 0; i < m; ++i) there[i] = saturated(there[i] * rule.scale + rule.offset, there[i]);
     tally.losses += store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
+}
+
+/// Sums of float64 that are not finite: looked for first, since hardly any volume has them, and made again where there
+/// are such, of voxels times a power of two.
+struct Overflow {
+    bool mends = false, found = false;
+};
+/// Interpolants whose weights are not all positive, and do more than share what there is; coefficients of splines are
+/// scaled.
+template <class Kernel>
+constexpr bool may_overflow = Kernel::kind == Interpolant::cubic || Kernel::kind == Interpolant::lanczos3;
+
+struct ScaledVoxels {
+    double const* data;
+    double scale;
+    double operator[](std::int64_t i) const { return data[i] * scale; }
+};
+
+/// Looks for samples of a row that are not finite, or makes them again; to[0] belongs to the first.
+template <class Kernel>
+void look_after(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to,
+                Overflow& overflow) {
+    constexpr double scale = 0x1p-8; // magnitudes of the weights do not add up to that much
+    std::int64_t const n = range.end - range.begin;
+    if (all_finite(static_cast<double const*>(to), n)) return;
+    if (!overflow.mends) {
+#pragma omp atomic write
+        overflow.found = true;
+        return;
+    }
+    ScaledVoxels const voxels{reinterpret_cast<double const*>(in.data), scale};
+    for (std::int64_t i = 0; i < n; ++i) {
+        if (is_finite(to[i])) continue;
+        FoldedPlaces<Kernel> const places(in, at, static_cast<double>(range.begin + i), rule);
+        double const sample = VKT_BACKEND::sample_folded<Kernel>(voxels, places, rule.border * scale);
+        to[i] = saturated(sample / scale, sample);
+    }
 }
 
 /// A tile of the result, row by row.
 template <class Kernel, class Strip>
-void sample_tile(ConstView const& in, AnyView out, Box const& tile, AffineSampling const& rule, Tally& tally) {
+void sample_tile(ConstView const& in, AnyView out, Box const& tile, AffineSampling const& rule, Tally& tally,
+                 Overflow* overflow = nullptr) {
     Index3 const k = rule.samples;
     auto const aside = [](std::int64_t i, std::int64_t n) {
         return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
@@ -239,19 +279,48 @@ void sample_tile(ConstView const& in, AnyView out, Box const& tile, AffineSampli
                                    rule.map.column[2] * aside(sub / k.x / k.y, k.z);
                 PositionRow const at = row_of(rule.map, shift, y, z);
                 auto const run = [&](XRange quick, double* to) { sample_run<Strip>(in, Places(in, at), quick, to); };
-                sample_row<Kernel, Strip>(in, at, in_it, interior(in_it, at, rule), rule, sub == 0 ? there : sample,
-                                          run);
+                double* const to = sub == 0 ? there : sample;
+                sample_row<Kernel, Strip>(in, at, in_it, interior(in_it, at, rule), rule, to, run);
+                if constexpr (may_overflow<Kernel>)
+                    if (overflow != nullptr) look_after<Kernel>(in, at, in_it, rule, to, *overflow);
                 if (sub > 0) join_mean(sample, there, in_it.end - in_it.begin, sub + 1);
             }
         });
     });
 }
 
+/// Whether voxels of a view are so large that sums of them may overflow.
+bool any_large_in(ConstView const& in, Execution const& execution) {
+    bool large = false;
+    for_each_segment(execution, in.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        if (!any_large(reinterpret_cast<double const*>(in.at(x, y, z)), n, 0x1p-8)) return;
+#pragma omp atomic write
+        large = true;
+    });
+    return large;
+}
+
 template <class Kernel, class Strip>
 void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
                 Execution const& execution) {
-    for_each_tile(execution, out.box, affine_tile, losses, outside,
-                  [&](Box const& tile, Tally& tally) { sample_tile<Kernel, Strip>(in, out, tile, rule, tally); });
+    Overflow overflow;
+    bool const looks = may_overflow<Kernel> && in.type == DataType::float64;
+    auto const sample_all = [&](Losses& lost, std::int64_t& beside) {
+        for_each_tile(execution, out.box, affine_tile, lost, beside, [&](Box const& tile, Tally& tally) {
+            sample_tile<Kernel, Strip>(in, out, tile, rule, tally, looks ? &overflow : nullptr);
+        });
+    };
+    Losses lost;
+    std::int64_t beside = 0;
+    sample_all(lost, beside);
+    if (overflow.found && any_large_in(in, execution)) {
+        overflow.mends = true;
+        lost = {};
+        beside = 0;
+        sample_all(lost, beside);
+    }
+    losses += lost;
+    outside += beside;
 }
 
 /// The same where slices share their places: `box` has only such. Tiles that are cut, or look at too much, are sampled

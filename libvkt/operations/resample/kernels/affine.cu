@@ -5,6 +5,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/resample/kernels/affine_linear.h"
 #include "libvkt/operations/resample/kernels/affine_sample.h"
+#include "libvkt/operations/resample/kernels/affine_slices.h"
 
 #include <algorithm>
 #include <cstring>
@@ -98,7 +99,7 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  inner(s.inner_y),
                                  inner(s.inner_z),
                                  in.type == out.type};
-    if (StillAxis const still = still_axis(rule.map); still.axis >= 0)
+    if (StillAxis const still = still_axis(rule.map); has_slices(still, sample))
         return launch_slices(out.dims(), still, sample, totals);
     launch_linear(out.dims(), sample, totals);
 }

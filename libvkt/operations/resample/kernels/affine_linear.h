@@ -3,7 +3,6 @@
 #pragma once
 
 #include "libvkt/operations/resample/kernels/affine_sample.h"
-#include "libvkt/operations/resample/kernels/still_axis.h"
 
 namespace vkt::VKT_BACKEND::affine {
 
@@ -43,15 +42,12 @@ template <class T> struct LinearSample {
         float const v[8] = {static_cast<float>(near[0]),   static_cast<float>(near[1]),  static_cast<float>(second[0]),
                             static_cast<float>(second[1]), static_cast<float>(third[0]), static_cast<float>(third[1]),
                             static_cast<float>(fourth[0]), static_cast<float>(fourth[1])};
-        if constexpr (!std::is_integral_v<T>) {
-            float odd = 0; // NaN, if one of them is not finite
-#pragma unroll
-            for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
-            if (odd != 0) return false;
-        }
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
-        float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
-                                       fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
+        float odd = 0;
+        float const rows[4] = {fx.between(v[0], v[1], odd), fx.between(v[2], v[3], odd), fx.between(v[4], v[5], odd),
+                               fx.between(v[6], v[7], odd)};
+        if (!std::is_integral_v<T> && odd != 0) return false;
+        float const value = fz.between(fy.between(rows[0], rows[1]), fy.between(rows[2], rows[3]));
         store(any.out.at(x, y, z), value, counts);
         return true;
     }
@@ -137,7 +133,7 @@ template <class T> struct LinearSample {
     }
     struct Part {
         int index;
-        float rest;
+        float rest; ///< -0 for none
     };
     /// PositionLine::floor, of positions that have room.
     static __device__ __forceinline__ Part part(PositionLine const& line, double x) {
@@ -145,18 +141,21 @@ template <class T> struct LinearSample {
         bool const below = d <= -1e-9;
         double const rest = below ? d + 1 : d;
         return {__double2loint(shifted) - (below ? 1 : 0),
-                rest < 1e-9 ? 0.0F : static_cast<float>(rest)}; // what is below is more than a half
+                rest < 1e-9 ? -0.0F : static_cast<float>(rest)}; // what is below is more than a half
     }
-    /// between() of finite numbers in fewer steps.
+    /// between() of finite numbers in fewer steps: with a fraction of -0 it is a, to the sign of a 0, as the hardware
+    /// has -0 below 0.
     struct Fraction {
         float f, rest;
-        bool none;
-        __device__ __forceinline__ explicit Fraction(float fraction)
-            : f(fraction), rest(1 - fraction), none(fraction == 0) {}
+        __device__ __forceinline__ explicit Fraction(float fraction) : f(fraction), rest(1 - fraction) {}
         __device__ __forceinline__ float between(float a, float b) const {
-            float r = rest * a + f * b;
-            r = fminf(fmaxf(r, fminf(a, b)), fmaxf(a, b));
-            return none ? a : r;
+            return fminf(fmaxf(rest * a + f * b, fminf(a, b)), fmaxf(a, b));
+        }
+        /// The same; `odd` becomes NaN if one of them is not finite.
+        __device__ __forceinline__ float between(float a, float b, float& odd) const {
+            float const r = rest * a + f * b;
+            odd = __fmaf_rn(r, 0.0F, odd);
+            return fminf(fmaxf(r, fminf(a, b)), fmaxf(a, b));
         }
     };
 };
@@ -203,134 +202,6 @@ template <class T> void launch_linear(Index3 n, LinearSample<T> const& sample, u
     using Shape = driver::SlantedBlock;
     driver::Blocks const blocks = driver::blocks_of<Shape>(n);
     linear_kernel<T><<<blocks.all, dim3(Shape::x, Shape::y, Shape::z)>>>(blocks, n, sample, totals);
-    check_launch("affine_sample");
-}
-
-constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
-
-/// Of a thread's slices those whose bits are set.
-template <class T>
-__device__ __noinline__ driver::LossCounts slices_left(LinearSample<T> const& sample, StillAxis const& still,
-                                                       std::uint32_t left, std::int64_t x, std::int64_t row,
-                                                       std::int64_t first, std::int64_t end) {
-    using Sampler = LinearSample<T>;
-    DeviceSampling const& s = sample.any.s;
-    bool const by_z = still.axis == 2;
-    PositionRow const centre = by_z ? row_of(s.map, {}, s.first.y + row, s.first.z + first)
-                                    : row_of(s.map, {}, s.first.y + first, s.first.z + row);
-    auto const column = static_cast<double>(s.first.x + x);
-    typename Sampler::Pair const px = Sampler::pair(centre.x, column, s.end_x, s.inner_x, sizeof(T)),
-                                 pw = by_z ? Sampler::pair(centre.y, column, s.end_y, s.inner_y, sample.row)
-                                           : Sampler::pair(centre.z, column, s.end_z, s.inner_z, sample.slice);
-    std::int64_t const along = by_z ? sample.slice : sample.row,
-                       begin = (by_z ? s.first.z : s.first.y) + still.shift, // of the input, at slice 0
-        there = by_z ? s.dims.z : s.dims.y;
-    driver::LossCounts counts;
-    for (; left != 0; left &= left - 1) {
-        std::int64_t const slice = first + __ffs(static_cast<int>(left)) - 1, at = begin + slice;
-        if (slice >= end) break;
-        std::int64_t const y = by_z ? row : slice, z = by_z ? slice : row;
-        if (s.bounded || (px.whole && pw.whole && at >= 0 && at + 1 < there)) {
-            sample(x, y, z, counts);
-            continue;
-        }
-        // Within a voxel of a face, in double; the axis that stays has no fraction.
-        typename Sampler::Found found{0, px.inside && pw.inside && at >= 0 && at < there};
-        if (found.inside) {
-            auto const v = [&](std::int64_t dx, std::int64_t dw) {
-                return static_cast<double>(sample.voxel(at * along + dx + dw));
-            };
-            double const near = between(v(px.first, pw.first), v(px.second, pw.first), px.rest),
-                         next = between(v(px.first, pw.second), v(px.second, pw.second), px.rest);
-            found.value = static_cast<float>(between(near, next, pw.rest));
-        }
-        sample.store_found(found, sample.any.out.at(x, y, z), counts);
-    }
-    return counts;
-}
-
-/// Slices along the axis that stays: a thread looks up its place in the plane once for all of its slices, of which it
-/// needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
-template <class T>
-__global__ void __launch_bounds__(256, 3)
-    slices_kernel(driver::Blocks blocks, Index3 n, StillAxis still, __grid_constant__ LinearSample<T> const sample,
-                  unsigned long long* totals) {
-    // Warps of 8 by 4 voxels, four of them side by side and two rows of them.
-    unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    std::int64_t const x = (static_cast<std::int64_t>(blockIdx.x % blocks.across) * 4 + warp % 4) * plane_x + lane % 8,
-                       row = (static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * 2 + warp / 4) *
-                                 plane_rows +
-                             lane / 8,
-                       first = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * plane_slices;
-    bool const by_z = still.axis == 2;
-    std::int64_t const end = min(first + plane_slices, by_z ? n.z : n.y);
-    driver::LossCounts counts;
-    if (x < n.x && row < (by_z ? n.y : n.z)) {
-        DeviceSampling const& s = sample.any.s;
-        PositionRow const centre = by_z ? row_of(s.map, {}, s.first.y + row, s.first.z + first)
-                                        : row_of(s.map, {}, s.first.y + first, s.first.z + row);
-        auto const column = static_cast<double>(s.first.x + x);
-        using Sampler = LinearSample<T>;
-        auto const px = Sampler::part(centre.x, column), pw = Sampler::part(by_z ? centre.y : centre.z, column);
-        unsigned const inner_w = by_z ? sample.inner_y : sample.inner_z;
-        bool const inner =
-                       static_cast<unsigned>(px.index) < sample.inner_x && static_cast<unsigned>(pw.index) < inner_w,
-                   far = sample.is_far(px.index, sample.inner_x) || sample.is_far(pw.index, inner_w);
-        std::int64_t const across = by_z ? sample.row : sample.slice, along = by_z ? sample.slice : sample.row,
-                           begin = (by_z ? s.first.z : s.first.y) + still.shift; // of the input, at slice 0
-        std::int64_t const there = by_z ? s.dims.z : s.dims.y;
-        typename Sampler::Fraction const fx(px.rest), fw(pw.rest);
-        auto const* const near =
-            sample.origin + static_cast<std::int64_t>(pw.index) * across + px.index * static_cast<int>(sizeof(T));
-        driver::DeviceRows const& out = sample.any.out;
-        auto const place = [&](std::int64_t slice) { return by_z ? out.at(x, row, slice) : out.at(x, slice, row); };
-        if (far)
-            for (std::int64_t slice = first; slice < end; ++slice) sample.store_background(place(slice), counts);
-        std::uint32_t left = 0; // slices near a face, and with voxels that are not finite
-        for (int i = 0; !far && i < plane_slices; i += slices_at_once) {
-            std::int64_t const slice = first + i;
-            // The last slice is what LinearSample leaves to Sample, however slices are cut.
-            if (!inner || slice + slices_at_once > end || begin + slice < 0 ||
-                begin + slice + slices_at_once >= there) {
-                left |= ((1U << slices_at_once) - 1) << i;
-                continue;
-            }
-            float v[slices_at_once][4];
-#pragma unroll
-            for (int k = 0; k < slices_at_once; ++k) {
-                std::byte const* const from = near + (begin + slice + k) * along;
-                auto const *const a = reinterpret_cast<T const*>(from), *const b =
-                                                                            reinterpret_cast<T const*>(from + across);
-                v[k][0] = static_cast<float>(a[0]);
-                v[k][1] = static_cast<float>(a[1]);
-                v[k][2] = static_cast<float>(b[0]);
-                v[k][3] = static_cast<float>(b[1]);
-            }
-#pragma unroll
-            for (int k = 0; k < slices_at_once; ++k) {
-                if constexpr (!std::is_integral_v<T>) {
-                    float odd = 0; // NaN, if one of them is not finite
-#pragma unroll
-                    for (float const value : v[k]) odd = __fmaf_rn(value, 0.0F, odd);
-                    if (odd != 0) {
-                        left |= 1U << (i + k);
-                        continue;
-                    }
-                }
-                float const value = fw.between(fx.between(v[k][0], v[k][1]), fx.between(v[k][2], v[k][3]));
-                sample.store(place(slice + k), value, counts);
-            }
-        }
-        if (left != 0) counts += slices_left(sample, still, left, x, row, first, end);
-    }
-    driver::add_counts(counts, totals);
-}
-
-template <class T>
-void launch_slices(Index3 n, StillAxis still, LinearSample<T> const& sample, unsigned long long* totals) {
-    using Shape = driver::BlockShape<4 * plane_x, 2 * plane_rows, plane_slices, 1>;
-    driver::Blocks const blocks = driver::blocks_of<Shape>(still.axis == 2 ? n : Index3{n.x, n.z, n.y});
-    slices_kernel<T><<<blocks.all, 256>>>(blocks, n, still, sample, totals);
     check_launch("affine_sample");
 }
 

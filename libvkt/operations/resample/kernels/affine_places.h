@@ -179,8 +179,8 @@ template <class Kernel> struct FoldedPlaces {
     }
 };
 
-/// The sample at such places, one voxel after another.
-template <class Kernel, class T> double sample_folded(T const* data, FoldedPlaces<Kernel> const& at, double border) {
+/// The sample at such places, one voxel after another, which data[] gives.
+template <class Kernel, class Data> double sample_folded(Data data, FoldedPlaces<Kernel> const& at, double border) {
     constexpr int before = FoldedPlaces<Kernel>::before;
     auto const value = [&](int i, int j, int k) {
         i += before, j += before, k += before;

@@ -145,7 +145,7 @@ __device__ __forceinline__ C sample_at(DeviceSampling const& s, Voxels<T> const&
 }
 
 __device__ __forceinline__ double mapped(DeviceSampling const& s, double v) {
-    return s.scale == 1 && s.offset == 0 ? v : v * s.scale + s.offset; // of -0 nothing is left else
+    return s.scale == 1 && s.offset == 0 ? v : saturated(v * s.scale + s.offset, v); // of -0 nothing is left else
 }
 
 __device__ __forceinline__ double aside(int i, int n) {

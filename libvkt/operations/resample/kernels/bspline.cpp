@@ -73,7 +73,11 @@ void coefficients(ConstView in, AnyView out, Box const& box, Box const& source, 
             std::int64_t const m = std::min(strip, source.upper.x - x);
             filter_columns<C>(
                 along_z, box.lower.z, n.z, filter.dims.z, filter, m, scratch,
-                [&](std::int64_t z, double* row) { load_row(in.type, in.at(x, y, z), row, m); },
+                [&](std::int64_t z, double* row) {
+                    load_row(in.type, in.at(x, y, z), row, m);
+                    if (filter.scale == 1) return;
+                    for (std::int64_t i = 0; i < m; ++i) row[i] *= filter.scale;
+                },
                 [&](std::int64_t z) { return &to(x, y, z); });
         }
     });

@@ -20,6 +20,7 @@ struct Pass {
     double centre = 1;
     Boundary boundary = Boundary::clamp;
     double border = 0;
+    double scale = 1; ///< of what `in` holds
 };
 
 template <class C>
@@ -38,7 +39,8 @@ __global__ void __launch_bounds__(driver::block_threads)
                                         pass.axis == 2 ? 0 : pz - in_lower.z);
     auto const value = [&](std::int64_t i) {
         std::int64_t const at = fold(i, pass.dims, pass.boundary);
-        return at < 0 ? pass.border : driver::load_value<double>(in.type, line + (at - lower) * stride);
+        if (at < 0) return pass.border;
+        return pass.scale * driver::load_value<double>(in.type, line + (at - lower) * stride);
     };
     double sum = pass.centre * value(along);
     for (int k = 1; k <= pass.radius; ++k) sum += pass.weight[k] * (value(along - k) + value(along + k));
@@ -64,7 +66,8 @@ void coefficients(ConstView in, AnyView out, Box const& box, Box const& source, 
                     none ? 0 : static_cast<int>(rule.radius),
                     none ? 1 : rule.weight[0],
                     rule.boundary,
-                    rule.border};
+                    rule.border,
+                    axis == 2 ? rule.scale : 1}; // the first pass reads voxels, the others what it made of them
     };
     Box columns = source, rows = source;
     columns.lower.z = rows.lower.z = box.lower.z;

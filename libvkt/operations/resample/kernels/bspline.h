@@ -13,7 +13,8 @@ struct SplineFilter {
     std::int64_t radius = 0;
     Index3 dims; ///< of the volume
     Boundary boundary = Boundary::clamp;
-    double border = 0; ///< stored value, for Boundary::border
+    double border = 0; ///< for Boundary::border: its coefficient, which is the stored value times the scale
+    double scale = 1;  ///< a power of two by which voxels are multiplied
 };
 
 /// Computes the coefficients in `box` from the voxels in `source`, which are all that they need. `out`, float32 or

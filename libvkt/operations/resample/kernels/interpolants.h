@@ -6,6 +6,7 @@
 #include "libvkt/operations/resample/kernels/affine.h"
 
 #include <cmath>
+#include <limits>
 
 namespace vkt::VKT_BACKEND {
 
@@ -23,6 +24,13 @@ VKT_HD std::int64_t integer_of(double whole) {
 VKT_HD double snapped(double p) {
     double const r = nearest_whole(p), d = p - r;
     return d < 1e-9 && d > -1e-9 ? r : p;
+}
+
+/// What a finite number becomes is finite, too: beyond the largest of float64 that.
+VKT_HD double saturated(double result, double of) {
+    constexpr double most = std::numeric_limits<double>::max();
+    double const kept = result > most ? most : result < -most ? -most : result;
+    return of - of == 0 ? kept : result; // NOLINT(misc-redundant-expression): NaN, and what is not finite
 }
 
 /// Between a and b, never beyond either; at 0 all of a, whatever b is.

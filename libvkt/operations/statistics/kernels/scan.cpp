@@ -5,12 +5,14 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
 
 #include <sched.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -341,7 +343,8 @@ private:
             for (std::int64_t i = 0; i < n; ++i) {
                 double const s = sum[i];
                 bool const finite = s - s == 0;
-                to[i] = parts == 2 && finite ? s + rest[i] : s;
+                // The sign of NaN would tell which of two was the first operand, and with it how slabs were cut.
+                to[i] = !(s == s) ? std::numeric_limits<double>::quiet_NaN() : parts == 2 && finite ? s + rest[i] : s;
                 nan += finite ? 0 : 1;
             }
             undefined += nan;
@@ -367,9 +370,25 @@ private:
     std::byte *along_z_ = nullptr, *above_ = nullptr;
 };
 
+bool finite_voxels(ConstView in, Execution const& execution) {
+    bool odd = false;
+    for_each_segment(execution, in.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        alignas(64) double values[row_piece];
+        for (std::int64_t i = 0; i < n; i += row_piece) {
+            std::int64_t const m = std::min(row_piece, n - i);
+            load_row(in.type, in.at(x + i, y, z), static_cast<double*>(values), m);
+            if (all_finite(static_cast<double const*>(values), m)) continue;
+#pragma omp atomic write
+            odd = true;
+        }
+    });
+    return !odd;
+}
+
 } // namespace
 
-void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const& execution) {
+void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& all_losses, Execution const& execution) {
+    Losses losses;
     with_type(in.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             if (state.sums == ScanSums::whole)
@@ -380,6 +399,10 @@ void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Exec
         if (state.sums == ScanSums::real) return Scanner<double, 1>(state, in, out).template run<T>(losses, execution);
         Scanner<double, 2>(state, in, out).template run<T>(losses, execution);
     });
+    all_losses += losses;
+    if (losses.undefined == 0 || state.exclusive) return;
+    state.looked = true;
+    state.odd = state.odd || !finite_voxels(in, execution);
 }
 
 } // namespace VKT_BACKEND

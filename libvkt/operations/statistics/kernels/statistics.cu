@@ -486,12 +486,23 @@ template <class T, int N> struct Shared {
     __device__ T& operator[](int i) { return reinterpret_cast<T*>(bytes)[i]; }
 };
 
-/// Bands of a slice merged in their order: the first warp has moments or integer sums, the second products, the third
-/// extremes.
 constexpr int merging = 32;
+/// Counts up to and with this thread's, of a warp.
+__device__ inline std::int64_t counted_up(std::int64_t count) {
+    int const lane = static_cast<int>(threadIdx.x % merging);
+    for (int step = 1; step < merging; step *= 2) {
+        std::int64_t const before = __shfl_up_sync(~0u, count, step);
+        if (lane >= step) count += before;
+    }
+    return count;
+}
+
+/// Bands of a slice merged in their order: the first warp has moments or integer sums, the second products, the third
+/// extremes. `begun`: what the first slice goes on from, of rows before these; the others begin with nothing.
 template <class Band>
 __global__ void __launch_bounds__(3 * merging)
-    merge_bands(Band const* bands, BandProduct const* products, std::int64_t per_slice, double origin, SliceSums* out) {
+    merge_bands(Band const* bands, BandProduct const* products, std::int64_t per_slice, double origin, SliceSums begun,
+                SliceSums* out) {
     std::int64_t const first = blockIdx.x * per_slice;
     SliceSums& slice = out[blockIdx.x];
     int const lane = static_cast<int>(threadIdx.x % merging), part = static_cast<int>(threadIdx.x / merging);
@@ -500,15 +511,21 @@ __global__ void __launch_bounds__(3 * merging)
         __shared__ Shared<FloatMoments, merging> moments;
         __shared__ Int128 sums[merging];
         __shared__ Unsigned128 squares[merging];
-        FloatMoments all = slice.moments;
+        __shared__ double shares[merging];
+        FloatMoments all;
+        if (blockIdx.x == 0) all = begun.moments;
         Int128 sum = 0;
         Unsigned128 square = 0;
         for (std::int64_t b = 0; b < per_slice; b += merging) {
             auto const count = static_cast<int>(min(static_cast<std::int64_t>(merging), per_slice - b));
             if constexpr (floats) {
-                if (lane < count) moments[lane] = moments_of(bands[first + b + lane], origin);
+                FloatMoments own;
+                if (lane < count) own = moments_of(bands[first + b + lane], origin);
+                moments[lane] = own;
+                std::int64_t const before = __shfl_sync(~0u, all.finite, 0) + counted_up(own.finite) - own.finite;
+                shares[lane] = FloatMoments::share(before, own.finite);
                 __syncwarp();
-                for (int j = 0; j < count && lane == 0; ++j) all.append(moments[j]);
+                for (int j = 0; j < count && lane == 0; ++j) all.append(moments[j], shares[j]);
                 __syncwarp();
             } else if (lane < count) {
                 Band const& band = bands[first + b + lane];
@@ -535,7 +552,8 @@ __global__ void __launch_bounds__(3 * merging)
         }
     } else if (part == 1 && products != nullptr) {
         __shared__ Shared<BandProduct, merging> factors;
-        BandProduct all = slice.product;
+        BandProduct all;
+        if (blockIdx.x == 0) all = begun.product;
         for (std::int64_t b = 0; b < per_slice; b += merging) {
             auto const count = static_cast<int>(min(static_cast<std::int64_t>(merging), per_slice - b));
             if (lane < count) factors[lane] = products[first + b + lane];
@@ -648,11 +666,9 @@ void slices_of(ConstView slab, Bands const& bands, MeanOrigin const& origin, Val
     SummedBands<BandOf<T>> summed;
     sum_bands<T>(slab, bands, product_map, summed);
     Buffer memory(static_cast<std::size_t>(count) * sizeof(SliceSums));
-    auto* const begun = reinterpret_cast<SliceSums*>(memory.write(Space::host));
-    for (std::int64_t z = 0; z < count; ++z) begun[z] = begin_slice(slices[z]);
-    auto* const sums = reinterpret_cast<SliceSums*>(memory.update(Space::device));
-    merge_bands<BandOf<T>><<<static_cast<unsigned>(count), 3 * merging>>>(summed.bands(), summed.products(),
-                                                                          bands.per_slice, origin.value, sums);
+    auto* const sums = reinterpret_cast<SliceSums*>(memory.write(Space::device));
+    merge_bands<BandOf<T>><<<static_cast<unsigned>(count), 3 * merging>>>(
+        summed.bands(), summed.products(), bands.per_slice, origin.value, begin_slice(slices[0]), sums);
     check_launch("statistics of slices");
     auto const* const finished = reinterpret_cast<SliceSums const*>(memory.read(Space::host));
     for (std::int64_t z = 0; z < count; ++z) finish_slice(finished[z], slab.type, slices[z]);

@@ -13,8 +13,8 @@ VKT_KERNEL(band_statistics,
             Execution const& execution),
            (slab, origin, product_map, bands, execution))
 
-/// Appends the bands of each slice to slices[z]; bands are numbered from 0 in their slice. On GPUs, where
-/// has_slice_sums().
+/// Appends the bands of each slice to slices[z], of which only the first may have had some before; bands are numbered
+/// from 0 in their slice. On GPUs, where has_slice_sums().
 VKT_KERNEL(slice_statistics,
            (ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, SliceStatistics* slices,
             Execution const& execution),

@@ -40,7 +40,7 @@ struct BandProduct {
 };
 
 /// What a slice has of the bands of a back end that merges them itself: of floats of up to 32 bits or of integers of up
-/// to 32. Integer sums and extremes begin anew, moments and product go on from what they were.
+/// to 32. Integer sums and extremes begin anew, moments and product of the first slice go on from what they were.
 struct SliceSums {
     FloatMoments moments;
     BandProduct product;

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/voxels/kernels/project.h"
 
@@ -63,6 +65,71 @@ template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixel
                 for (std::int64_t i = 0; i < pixels; ++i) to[j * pixels + i] = from[i * row + j];
         }
     });
+}
+
+/// Pixels side by side that are worked on at a time: what is read of a row or a slice is long enough to be foreseen,
+/// and of lines along z, whose next voxels are slices apart, much longer: 2048 floats took twice as long as 16384.
+constexpr std::int64_t most_pixels = 16384;
+/// Floats are taken for numbers first, which they mostly are; where the result of a line is not finite, once more from
+/// what there was before. So many pixels are tried, and done again, together.
+constexpr std::int64_t most_tried = 8192, most_again = 512;
+template <class T> std::int64_t pixels_together(ProjectionState const& state) {
+    bool const doubles = state.value != nullptr; // then there is more to a pixel
+    return state.axis == 2 ? (doubles ? most_tried : most_pixels) : (8 << 10) / static_cast<std::int64_t>(sizeof(T));
+}
+
+/// True if the next voxels of lines are so far away that a processor does not foresee them.
+template <class T> bool are_apart(Lines<T> const& lines) {
+    return lines.step * static_cast<std::int64_t>(sizeof(T)) > 16384;
+}
+
+template <class T> std::int32_t is_nan(T voxel) {
+    if constexpr (std::is_integral_v<T>) return 0;
+    auto const v = static_cast<compute_t<T>>(voxel);
+    return v != v ? 1 : 0; // NOLINT(misc-redundant-expression): NaN
+}
+
+template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+    std::int64_t nan = 0;
+    for (std::int64_t k = 0; k < lines.n; ++k)
+        for (std::int64_t begin = 0; begin < lines.pixels; begin += row_piece) {
+            T const* const from = lines.first + k * lines.step + begin * lines.pixel;
+            auto const n = static_cast<std::int32_t>(std::min(row_piece, lines.pixels - begin));
+            std::int32_t here = 0;
+#pragma omp simd reduction(+ : here)
+            for (std::int32_t i = 0; i < n; ++i) here += is_nan(from[i * lines.pixel]);
+            nan += here;
+        }
+    return nan;
+}
+
+inline void add_nan(ProjectionState& state, std::int64_t nan) {
+    if (nan == 0) return;
+#pragma omp atomic
+    state.nan += nan;
+}
+
+constexpr int row_lanes = 16;
+
+/// Calls f(lines) for parts of the lines of at most `most` voxels, in order.
+template <class T, class F> void in_parts(Lines<T> const& lines, std::int64_t most, F const& f) {
+    Lines<T> part = lines;
+    for (std::int64_t k = 0; k < lines.n; k += most) {
+        part.first = lines.first + k * lines.step;
+        part.n = std::min(most, lines.n - k);
+        f(part);
+    }
+}
+
+/// Sum and sum of squares of a row of small integers.
+template <class T> IntegerSums<T> sums_along(T const* row, std::int64_t n) {
+    IntegerSums<T> all;
+    for (std::int64_t k = 0; k < n; k += most_integers) {
+        IntegerSums<T> const part = integer_sums(row + k, std::min(most_integers, n - k));
+        all.sum += part.sum;
+        all.squares += part.squares;
+    }
+    return all;
 }
 
 /// As many values as fit into a register.
