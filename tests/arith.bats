@@ -260,6 +260,19 @@ for slope, intercept in (1, -1024), (-0.5, 3), (-2, 0), (0.25, 0):
     [ "$(vkt arith absdiff ct.vkt ct.vkt | value)" = 0 ]
 }
 
+@test "where takes what values mean, and looks at what the mask means" {
+    one uint8 10 | vkt set --slope 3 --intercept 6 -o a.vkt # 36
+    one int16 5 | vkt set --slope -2 -o b.vkt               # -10
+    one uint8 1 | vkt set --slope 1 --intercept -1 -o none.vkt
+    vkt arith eq a.vkt 36 -o yes.vkt
+    [ "$(vkt arith where yes.vkt a.vkt b.vkt | value)" = 36 ]
+    [ "$(vkt arith where none.vkt a.vkt b.vkt | value)" = -10 ]
+    [ "$(vkt arith where none.vkt a.vkt 7 | value)" = 6 ] # 7 under a's map, rounded
+    [ "$(vkt arith where none.vkt 3 4 | value)" = 4 ]
+    [ "$(vkt arith where yes.vkt 6 b.vkt | value)" = 6 ]
+    [ "$(vkt arith where yes.vkt a.vkt b.vkt --roi 0:1,:,: --dtype float64 | value)" = 36 ]
+}
+
 @test "either operand may be the number, and standard input either volume" {
     vkt make ramp --dims 4 1 1 -o r.vkt
     [ "$(vkt arith sub 10 r.vkt | value)" = 10 ]

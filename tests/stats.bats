@@ -273,6 +273,15 @@ for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 floa
     for r in rows: same(r, v, inside & (y == r["y"]), t)'
 }
 
+@test "a mask is what its values mean, not what is stored" {
+    vkt make ramp --dims 6 1 1 -o v.vkt # 0 to 5
+    vkt convert v.vkt --dtype uint8 | vkt set --slope 2 --intercept -4 -o mask.vkt # 0 where 2 is stored
+    [ "$(vkt stats v.vkt --mask mask.vkt --json | grep -o '"sum": [0-9]*')" = '"sum": 13' ]
+    [ "$(vkt stats v.vkt --mask mask.vkt --percentiles 100 --json | grep -o '"count": [0-9]*')" = '"count": 5' ]
+    vkt set mask.vkt --intercept -3 -o never.vkt # no voxel means 0
+    [ "$(vkt stats v.vkt --mask never.vkt --json | grep -o '"count": [0-9]*')" = '"count": 6' ]
+}
+
 @test "percentiles of masks, labels and slices are NumPy's, for any cut, budget and way" {
     grouped_volumes
     check '

@@ -6,9 +6,9 @@
 #include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/operations/common/remarks.h"
+#include "libvkt/operations/common/zero.h"
 #include "libvkt/operations/shape/kernels/distance.h"
 #include "libvkt/operations/voxels/kernels/fill.h"
-#include "libvkt/operations/voxels/zero.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,8 +5,8 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/common/zero.h"
 #include "libvkt/operations/shape/connectivity.h"
-#include "libvkt/operations/voxels/zero.h"
 
 #include <algorithm>
 #include <cstring>

@@ -6,10 +6,10 @@
 #include "libvkt/formats/labels.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/remarks.h"
+#include "libvkt/operations/common/zero.h"
 #include "libvkt/operations/shape/connectivity.h"
 #include "libvkt/operations/voxels/kernels/fill.h"
 #include "libvkt/operations/voxels/kernels/paint.h"
-#include "libvkt/operations/voxels/zero.h"
 
 #include <algorithm>
 #include <bit>

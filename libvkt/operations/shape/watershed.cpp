@@ -6,10 +6,10 @@
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/common/same_grid.h"
+#include "libvkt/operations/common/zero.h"
 #include "libvkt/operations/shape/connectivity.h"
 #include "libvkt/operations/shape/distance.h"
 #include "libvkt/operations/voxels/kernels/fill.h"
-#include "libvkt/operations/voxels/zero.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,10 +5,12 @@
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/common/same_grid.h"
+#include "libvkt/operations/common/zero.h"
 
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <omp.h>
 #include <unordered_map>
 
@@ -126,9 +128,10 @@ private:
 /// Which groups the voxels of rows belong to, and which of them count.
 class RowKeys {
 public:
-    RowKeys(ConstView const* mask, ConstView const* labels, GroupedBy by, Box const& box)
-        : mask_(mask), labels_(labels), by_(by), lower_(box.lower.x), keys_(static_cast<std::size_t>(box.dims().x)),
-          counts_(keys_.size(), 1) {
+    /// Voxels count where the mask is not `zero`.
+    RowKeys(ConstView const* mask, double zero, ConstView const* labels, GroupedBy by, Box const& box)
+        : mask_(mask), labels_(labels), zero_(zero), by_(by), lower_(box.lower.x),
+          keys_(static_cast<std::size_t>(box.dims().x)), counts_(keys_.size(), 1) {
         for (std::size_t i = 0; i < keys_.size() && by == GroupedBy::x; ++i)
             keys_[i] = lower_ + static_cast<std::int64_t>(i);
     }
@@ -139,7 +142,7 @@ public:
         if (mask_ != nullptr)
             with_type(mask_->type, [&]<class M>(M) {
                 M const* const row = reinterpret_cast<M const*>(mask_->at(lower_, y, z));
-                for (std::size_t i = 0; i < n; ++i) counts_[i] = static_cast<double>(row[i]) != 0 ? 1 : 0;
+                for (std::size_t i = 0; i < n; ++i) counts_[i] = static_cast<double>(row[i]) != zero_ ? 1 : 0;
             });
         if (labels_ != nullptr)
             with_type(labels_->type, [&]<class L>(L) {
@@ -153,6 +156,7 @@ public:
 
 private:
     ConstView const *mask_, *labels_;
+    double zero_;
     GroupedBy by_;
     std::int64_t lower_;
     std::vector<std::int64_t> keys_;
@@ -194,9 +198,10 @@ constexpr std::int64_t bytes_of_sums = sizeof(PartialStatistics) + 64;
 struct GroupedStatistics::Slab {
     ConstView voxels;
     std::optional<ConstView> mask, labels;
+    double zero = 0; ///< what the mask stores for 0; NaN, which nothing equals, if it cannot
 
     RowKeys keys(GroupedBy what) const {
-        return {mask ? &*mask : nullptr, labels ? &*labels : nullptr, what, voxels.box};
+        return {mask ? &*mask : nullptr, zero, labels ? &*labels : nullptr, what, voxels.box};
     }
 };
 
@@ -298,7 +303,10 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
     Slab in{slab.part(box), {}, {}};
-    if (mask != nullptr) in.mask = voxels_of(*mask, box, mask_buffer_);
+    if (mask != nullptr) {
+        in.mask = voxels_of(*mask, box, mask_buffer_);
+        in.zero = stored_zero(mask->header()).value_or(std::numeric_limits<double>::quiet_NaN());
+    }
     if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
     if (quantiles_)
         select(in, execution);

@@ -308,6 +308,7 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
             if (headers[i] != nullptr) choice.maps[i] = headers[i]->values;
         choice.map_out = choice.values;
     }
+    if (op == ArithmeticOp::where && headers[0] != nullptr) choice.maps[0] = headers[0]->values; // 0 is what is meant
     bool const stored = choice.maps == std::array<ValueMap, 3>{} && choice.map_out == ValueMap{};
     auto const fits_float = [](std::optional<Number> const& v) {
         return !v || static_cast<double>(static_cast<float>(v->value)) == v->value;
@@ -577,6 +578,7 @@ void Arithmetic::keep(std::span<ConstView const> inputs, AnyView out, Execution 
         nowhere.volume[0] = -1;
         nowhere.number[0] = 0;
         nowhere.whole[0] = 0;
+        nowhere.map[0] = {};
         return arithmetic(nowhere, inputs, out, counts_, execution);
     }
     if (inputs[0].type == out.type)

@@ -37,7 +37,7 @@ template <class C> struct Operands {
     ArithmeticOp op;
     int first, second, third; ///< which volume, -1 for a number
     C a, b, c;                ///< the numbers
-    Line<C> map_a, map_b, result;
+    Line<C> map_a, map_b, map_c, result;
     bool counts_zeros, counts_undefined;
     C lowest, highest;
 
@@ -56,7 +56,8 @@ template <class C> struct Operands {
         return above > w ? w : above;
     }
     VKT_HD C evaluate(C u, C v, C w) const {
-        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) return chosen(u, v, w);
+        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where)
+            return stored(chosen(map_a.of(u), map_b.of(v), map_c.of(w)));
         C const p = map_a.of(u), q = map_b.of(v);
         if (counts_zeros && q == C(0)) return p > C(0) ? highest : p < C(0) ? lowest : C(0);
         C const value = combined_of(op, p, q);
@@ -78,6 +79,7 @@ template <class C> struct Operands {
     VKT_HD bool takes_packs() const {
         if (!is_short(op) || !numbers_have_no_map()) return false;
         bool const picks = op == ArithmeticOp::clamp || op == ArithmeticOp::where; // has a third operand
+        if (picks && !picks_what_is_stored()) return false;
         if (first < 1 && second < 1) return !picks || (first == 0 && second < 0 && third != 0 && third <= 1);
         return first == 0 && second == 1 && (!picks || third < 0 || third == 2);
     }
@@ -139,15 +141,22 @@ template <class C> struct Operands {
             return buffers[k];
         };
         C const *u = operand(0, first, a), *v = operand(1, second, b);
-        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where)
-            return choose_row(n, out, u, v, operand(2, third, c));
         if (!map_a.identity) u = mapped_row(n, map_a, u, buffers[0]);
         if (!map_b.identity) v = mapped_row(n, map_b, v, buffers[1]);
-        combine_row(n, out, u, v);
+        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) {
+            C const* w = operand(2, third, c);
+            if (!map_c.identity) w = mapped_row(n, map_c, w, buffers[2]);
+            choose_row(n, out, u, v, w);
+        } else {
+            combine_row(n, out, u, v);
+        }
         if (!result.identity) store_row_of(n, out);
     }
 
 private:
+    VKT_HD bool picks_what_is_stored() const {
+        return map_a.identity && map_b.identity && map_c.identity && result.identity;
+    }
     /// Numbers are what they are, and a volume that is both operands has one map.
     VKT_HD bool numbers_have_no_map() const {
         return (first >= 0 || map_a.identity) && (second >= 0 || map_b.identity) &&
@@ -222,6 +231,7 @@ void run(ArithmeticTask const& task, std::span<ConstView const> in, AnyView out,
                         number_of<C>(task, 2),
                         Line<C>::from(task.map[0]),
                         Line<C>::from(task.map[1]),
+                        Line<C>::from(task.map[2]),
                         Line<C>::from(task.result),
                         task.counts_zeros,
                         task.counts_zeros || has_poles(task.op),

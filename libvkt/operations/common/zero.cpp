@@ -1,6 +1,6 @@
 // The stored zero.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/voxels/zero.h"
+#include "libvkt/operations/common/zero.h"
 
 #include "libvkt/core/half.h"
 
