@@ -204,6 +204,13 @@ PY
     fails_with 2 'there is no every n-th one' vkt stats tree.vkt --roi ::2,:,:
     fails_with 2 'make it a grid first: vkt resample' vkt crop tree.vkt --roi ::2,:,: -o no.vkt
     fails_with 2 'there is no every n-th one' vkt read tree.vkt --roi ::2,:,: -o no.vkt
+    for command in stats histogram 'threshold --above 0 -o no.vkt' 'diff tree.vkt' 'read -o no.vkt' dump 'mesh --iso 1 -o no.stl'; do
+        # shellcheck disable=SC2086
+        set -- $command
+        fails_with 2 'make it a grid first: vkt resample' vkt "$1" tree.vkt "${@:2}" --roi ::2,:,:
+    done
+    # What that says works.
+    vkt resample tree.vkt --cells 1k | vkt crop --roi ::2,::2,::2 | vkt stats >/dev/null
     [ ! -e no.nrrd ] && [ ! -e no.vkt ]
 }
 

@@ -58,7 +58,8 @@ Plan MakeMesh::plan(std::span<Header const> inputs) const {
     check();
     Header const& in = inputs.front();
     if (in.kind == Kind::hierarchical)
-        throw Error(ErrorKind::usage, "meshes are made of structured volumes", "make one first: vkt resample");
+        throw Error(ErrorKind::usage, "meshes are made of structured volumes",
+                    "make it a grid first: vkt resample --cells 50M");
     if (!iso && !is_integer(in.dtype))
         throw Error(ErrorKind::usage, text("labels are integers, the volume is ", in.dtype),
                     "convert first: vkt convert --dtype int32, or say --iso");
