@@ -348,7 +348,8 @@ END
             fails_with 2 "--report $name: reports of that kind are not written" vkt $command --report $name -o out.nrrd
             # shellcheck disable=SC2086
             fails_with 2 "end the name in .json, .csv or .txt" vkt $command --report $name -n -o out.nrrd
-            [ ! -e out.nrrd ] && [ ! -e $name ]
+            [ ! -e out.nrrd ]
+            [ ! -e $name ]
         done
         rm r r.json r.JSON
     done
