@@ -226,7 +226,7 @@ for type in $types; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
     done
     # Sums of halves are rounded once, on CPUs only.
-    [ $type = float16 ] || same "$tolerance" "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
+    [ "$type" = float16 ] || same "$tolerance" "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
     same 0 "$vkt arith gt far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
     # Interpolated in float32; integers may be rounded either way.
     case $type in float*) tolerance=1e-3 ;; *) tolerance=1 ;; esac
