@@ -85,6 +85,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
 
 void Scan::begin(std::span<Header const> inputs, Plan const&) {
     losses_ = {};
+    odd_ = false;
     state_ = state_for(inputs[0]);
     region_ = roi.resolve(inputs[0].dims);
 }
@@ -112,7 +113,14 @@ void Scan::run(std::span<ConstView const> inputs, AnyView out, Execution const& 
     for_each_beside(out.box, inside, [&](Box const& box) { keep(inputs[0].part(box), out.part(box), execution); });
     if (inside.empty()) return;
     Index3 const move = inside.lower - region_.lower;
-    scan_slab(state_, inputs[0].part(inside).moved_to(move), out.part(inside).moved_to(move), losses_, execution);
+    ConstView const voxels = inputs[0].part(inside).moved_to(move);
+    Losses losses;
+    scan_slab(state_, voxels, out.part(inside).moved_to(move), losses, execution);
+    losses_ += losses;
+    if (losses.undefined == 0 || exclusive || odd_) return;
+    TypeFit found;
+    find_fit(voxels, found, execution);
+    odd_ = found.nan || found.infinite;
 }
 
 std::vector<Remark> Scan::remarks() const {
@@ -122,11 +130,12 @@ std::vector<Remark> Scan::remarks() const {
         result.push_back(
             {text(share_text(losses_.clipped, voxels), ": sums beyond 64 bits, stored as their nearest end"), true});
     if (losses_.undefined > 0) {
-        bool const overflow = state_.looked && !state_.odd;
+        // Where the last voxels have no part in sums it is not known.
+        bool const overflow = !exclusive && !odd_;
         result.push_back({text(share_text(losses_.undefined, voxels), ": sums that are not finite, ",
-                               overflow        ? "from the first on that is beyond float64"
-                               : state_.looked ? "from the first value on that is not"
-                                               : "of values that are not, or beyond float64"),
+                               exclusive  ? "of values that are not, or beyond float64"
+                               : overflow ? "from the first on that is beyond float64"
+                                          : "from the first value on that is not"),
                           overflow});
     }
     return result;

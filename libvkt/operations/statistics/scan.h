@@ -38,6 +38,7 @@ private:
     ScanState state_;
     Box region_;
     Losses losses_;
+    bool odd_ = false; ///< voxels that are not finite were seen: without them sums that are not are beyond float64
 };
 
 } // namespace vkt

@@ -5,7 +5,6 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
-#include "libvkt/operations/common/kernels/finite_rows.h"
 
 #include <sched.h>
 
@@ -370,25 +369,9 @@ private:
     std::byte *along_z_ = nullptr, *above_ = nullptr;
 };
 
-bool finite_voxels(ConstView in, Execution const& execution) {
-    bool odd = false;
-    for_each_segment(execution, in.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        alignas(64) double values[row_piece];
-        for (std::int64_t i = 0; i < n; i += row_piece) {
-            std::int64_t const m = std::min(row_piece, n - i);
-            load_row(in.type, in.at(x + i, y, z), static_cast<double*>(values), m);
-            if (all_finite(static_cast<double const*>(values), m)) continue;
-#pragma omp atomic write
-            odd = true;
-        }
-    });
-    return !odd;
-}
-
 } // namespace
 
-void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& all_losses, Execution const& execution) {
-    Losses losses;
+void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const& execution) {
     with_type(in.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             if (state.sums == ScanSums::whole)
@@ -399,10 +382,6 @@ void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& all_losses, 
         if (state.sums == ScanSums::real) return Scanner<double, 1>(state, in, out).template run<T>(losses, execution);
         Scanner<double, 2>(state, in, out).template run<T>(losses, execution);
     });
-    all_losses += losses;
-    if (losses.undefined == 0 || state.exclusive) return;
-    state.looked = true;
-    state.odd = state.odd || !finite_voxels(in, execution);
 }
 
 } // namespace VKT_BACKEND

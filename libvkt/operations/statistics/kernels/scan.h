@@ -22,9 +22,6 @@ struct ScanState {
     bool exclusive = false;
     ValueMap map; ///< of real and pairs: what is summed are physical values
     Index3 dims;
-    /// Whether sums that are not finite were looked after, and voxels that are not were seen: without these it is the
-    /// sums that are beyond float64. Where the last voxels have no part in sums it is not known.
-    bool looked = false, odd = false;
     Buffer along_z; ///< of each column, the sum so far
     Buffer above;   ///< of each x, the sum over the rows of this slice so far
     Buffer rows;    ///< sums along x of the slab being worked on
