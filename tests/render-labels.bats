@@ -109,7 +109,7 @@ assert (last == 255).all(-1).any()"
             vkt $words <$volume | labels
         done
         for words in 'filter gaussian --sigma 1' 'filter box' 'filter sobel' 'rotate --angle 20' 'resample --scale 0.5' \
-            'distance' 'project mean' 'clahe' 'convert --dtype uint8 --range 0:9'; do
+            'distance' 'scan' 'project mean' 'clahe' 'convert --dtype uint8 --range 0:9'; do
             run ! labels < <(vkt $words <$volume)
         done
     done

@@ -3,6 +3,7 @@
 #include "libvkt/operations/statistics/scan.h"
 
 #include "libvkt/amr/tree.h"
+#include "libvkt/core/label_marks.h"
 #include "libvkt/operations/common/beside.h"
 #include "libvkt/operations/common/kernels/convert.h"
 #include "libvkt/operations/common/remarks.h"
@@ -55,6 +56,7 @@ Plan Scan::plan(std::span<Header const> inputs) const {
     Plan plan;
     plan.output = in;
     plan.output.attributes.erase("background");
+    forget_labels(plan.output); // whole numbers, but sums
     plan.carries = true;
     plan.cost = 25;
     plan.slab_hint = 16; // threads follow one another a slice behind
