@@ -4,7 +4,6 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/formats/series.h"
-#include "libvkt/formats/slab_sink.h"
 #include "libvkt/io/byte_source.h"
 #include "libvkt/io/shared_memory.h"
 #include "shell/command.h"
@@ -64,7 +63,7 @@ public:
         while (source.next_volume()) {
             if (source.header().dry_run) {
                 planned_only = true;
-                plan_volume(*sink, source.header());
+                sink->plan(source.header());
                 context.plan(source.header(), out());
                 source.finish();
             } else {

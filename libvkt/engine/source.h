@@ -92,6 +92,9 @@ public:
     virtual ~Sink() = default;
 
     virtual void begin(Header const& header) = 0;
+    /// Instead of begin() to end(), of a volume that is only planned: throws what begin() would for what is there
+    /// already.
+    virtual void plan(Header const& /*header*/) {}
     /// Memory for the next slab: whole slices, or whole rows of a single slice, following the last without a gap.
     /// Blocks under back-pressure.
     virtual AnyView acquire(Box const& slab) = 0;

@@ -30,7 +30,7 @@ public:
     void commit() override;
     void end() override;
     void close() override;
-    void plan(Header const& header) { writer_->plan(header); }
+    void plan(Header const& header) override { writer_->plan(header); }
 
 private:
     static constexpr std::size_t ring = 2;
@@ -158,10 +158,6 @@ void SlabSink::stop() {
 
 std::unique_ptr<Sink> slab_sink(std::unique_ptr<VolumeWriter> writer) {
     return std::make_unique<SlabSink>(std::move(writer));
-}
-
-void plan_volume(Sink& sink, Header const& header) {
-    if (auto* const slabs = dynamic_cast<SlabSink*>(&sink)) slabs->plan(header);
 }
 
 } // namespace vkt

@@ -18,12 +18,10 @@ public:
     virtual void write(std::byte const* voxels, std::size_t n) = 0; ///< the next n bytes, x fastest
     virtual void end() {}
     virtual void close() = 0;
-    virtual void plan(Header const& /*header*/) {} ///< throws what begin() would for what is there already
+    virtual void plan(Header const& /*header*/) {} ///< as that of a Sink
 };
 
 /// Checks the order of slabs, lends reused memory, writes behind. An error in write() surfaces in the next call.
 std::unique_ptr<Sink> slab_sink(std::unique_ptr<VolumeWriter> writer);
-/// Of a volume that is only planned, instead of begin() to end(): the writer's plan(). Other sinks have none.
-void plan_volume(Sink& sink, Header const& header);
 
 } // namespace vkt
