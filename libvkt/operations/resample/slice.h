@@ -41,9 +41,8 @@ public:
     void after_scan(Plan& plan) const override { convert_.after_scan(plan); }
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    /// But for percentiles.
-    bool runs_on_gpu() const override { return !range || convert_.runs_on_gpu(); }
-    bool scans_on_gpu() const override { return runs_on_gpu(); }
+    bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     std::vector<std::int64_t*> counters() override { return convert_.counters(); }
     std::vector<Remark> remarks() const override;
 
