@@ -217,6 +217,8 @@ if has asan || has tsan; then export OMP_WAIT_POLICY=passive; fi
 
 # Minutes of arithmetic under a sanitizer, which touch no more memory and share no more than shorter tests do.
 arithmetic='Gaussian.ReproducesConstantsBitForBit:Geometric.IndicesBeyond32Bits:RenderMarch.EarlyEnds*:Quantiles.MoreVoxelsThanAreKept*'
+arithmetic=$arithmetic:'RenderUnlisted.MarchesAsListsDo:RenderSparse.WhatIsLeftOutIsBelowHalfALevel:*InASlabIsTheClosedForm'
+arithmetic=$arithmetic:'RenderShadows.SlabIsTheClosedForm:RenderIrradiance.OneEverywhereIsTheLightFromEverywhere'
 # What one thread does alone: files, headers, child processes.
 alone='*AmrFlashFile*:*AmrAmrex*:*AmrOracle*:Parser*:*StreamHeader*:*Nrrd*:*MetaImage*:Raw*:*WeightTable*:*RenderTransfer*:*TransferEdit*:*Expression*'
 
