@@ -193,6 +193,8 @@ if has unit || has bats; then
     if build release; then
         if has unit; then check build unit -L unit; fi
         if has bats; then check build bats -L bats; fi
+    elif [ "$failed" -eq 0 ]; then
+        fail 'build: release: not in time, so nothing was tested'
     fi
 fi
 
