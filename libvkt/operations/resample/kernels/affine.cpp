@@ -149,10 +149,13 @@ struct StripLinear {
             gather(in, places.index, (corner & 1) + (corner >> 1 & 1) * in.row + (corner >> 2) * in.slice, n,
                    v[corner]);
         double const *const fx = places.fx, *const fy = places.fy, *const fz = places.fz;
+        make_between<double>(static_cast<double const*>(to), n, [&](auto const between) {
 #pragma omp simd
-        for (std::int32_t i = 0; i < n; ++i)
-            to[i] = between(between(between(v[0][i], v[1][i], fx[i]), between(v[2][i], v[3][i], fx[i]), fy[i]),
+            for (std::int32_t i = 0; i < n; ++i)
+                to[i] =
+                    between(between(between(v[0][i], v[1][i], fx[i]), between(v[2][i], v[3][i], fx[i]), fy[i]),
                             between(between(v[4][i], v[5][i], fx[i]), between(v[6][i], v[7][i], fx[i]), fy[i]), fz[i]);
+        });
     }
 };
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/resample/kernels/affine_linear.h"
+#include "libvkt/operations/resample/kernels/affine_paths.h"
 #include "libvkt/operations/resample/kernels/affine_sample.h"
 #include "libvkt/operations/resample/kernels/affine_slices.h"
 
@@ -101,6 +102,7 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  in.type == out.type};
     if (StillAxis const still = still_axis(rule.map); has_slices(still, sample))
         return launch_slices(out.dims(), still, sample, totals);
+    if (sample.typed_out) return launch_paths(out.dims(), sample, totals);
     launch_linear(out.dims(), sample, totals);
 }
 

@@ -15,6 +15,11 @@ template <class T> struct LinearSample {
     unsigned inner_x, inner_y, inner_z; ///< voxels below which there is another one
     bool typed_out;                     ///< results are of type T, too
 
+    struct Part {
+        int index;
+        float rest;
+    };
+
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         PositionRow const centre = row_of(any.s.map, {}, any.s.first.y + y, any.s.first.z + z);
@@ -31,6 +36,13 @@ template <class T> struct LinearSample {
             if (far) store_background(any.out.at(x, y, z), counts);
             return far;
         }
+        float const value = among(px, py, pz);
+        if (!std::is_integral_v<T> && !(value - value == 0)) return false; // NOLINT(misc-redundant-expression)
+        store(any.out.at(x, y, z), value, counts);
+        return true;
+    }
+    /// Between the eight voxels around; not finite where not all of them are, or their differences.
+    __device__ __forceinline__ float among(Part const& px, Part const& py, Part const& pz) const {
         auto const* const near = reinterpret_cast<T const*>(
             origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
             static_cast<std::int64_t>(px.index) * static_cast<int>(sizeof(T)));
@@ -43,13 +55,8 @@ template <class T> struct LinearSample {
                             static_cast<float>(second[1]), static_cast<float>(third[0]), static_cast<float>(third[1]),
                             static_cast<float>(fourth[0]), static_cast<float>(fourth[1])};
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
-        float odd = 0;
-        float const rows[4] = {fx.between(v[0], v[1], odd), fx.between(v[2], v[3], odd), fx.between(v[4], v[5], odd),
-                               fx.between(v[6], v[7], odd)};
-        if (!std::is_integral_v<T> && odd != 0) return false;
-        float const value = fz.between(fy.between(rows[0], rows[1]), fy.between(rows[2], rows[3]));
-        store(any.out.at(x, y, z), value, counts);
-        return true;
+        return fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
+                          fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
     }
     /// The others: near a face, or beside a voxel that is not finite.
     __device__ __forceinline__ void at_last(PositionRow const& centre, std::int64_t x, std::int64_t y, std::int64_t z,
@@ -131,32 +138,32 @@ template <class T> struct LinearSample {
         else
             driver::store_value(any.out.type, to, value, counts);
     }
-    struct Part {
-        int index;
-        float rest; ///< -0 for none
-    };
     /// PositionLine::floor, of positions that have room.
     static __device__ __forceinline__ Part part(PositionLine const& line, double x) {
-        double const p = line.base + x * line.step, shifted = p + magic, r = shifted - magic, d = p - r;
+        return part_of(line.base + x * line.step);
+    }
+    static __device__ __forceinline__ Part part_of(double p) {
+        double const shifted = p + magic, r = shifted - magic, d = p - r;
         bool const below = d <= -1e-9;
         double const rest = below ? d + 1 : d;
         return {__double2loint(shifted) - (below ? 1 : 0),
-                rest < 1e-9 ? -0.0F : static_cast<float>(rest)}; // what is below is more than a half
+                rest < 1e-9 ? 0 : static_cast<float>(rest)}; // what is below is more than a half
     }
-    /// between() of finite numbers in fewer steps: with a fraction of -0 it is a, to the sign of a 0, as the hardware
-    /// has -0 below 0.
+    /// The same in fewer steps, where is_apart() says so.
+    static __device__ __forceinline__ Part floor_of(double p) {
+        double const shifted = __dadd_rd(p, magic);
+        return {__double2loint(shifted), static_cast<float>(p - (shifted - magic))};
+    }
+    /// The position is not so near to a whole number that it may be taken for one.
+    static __device__ __forceinline__ bool is_apart(Part const& part) {
+        return part.rest > 2e-9F && part.rest < 0.9999999F;
+    }
+    /// quickly_between(), of a fraction that several have.
     struct Fraction {
-        float f, rest;
-        __device__ __forceinline__ explicit Fraction(float fraction) : f(fraction), rest(1 - fraction) {}
-        __device__ __forceinline__ float between(float a, float b) const {
-            return fminf(fmaxf(rest * a + f * b, fminf(a, b)), fmaxf(a, b));
-        }
-        /// The same; `odd` becomes NaN if one of them is not finite.
-        __device__ __forceinline__ float between(float a, float b, float& odd) const {
-            float const r = rest * a + f * b;
-            odd = __fmaf_rn(r, 0.0F, odd);
-            return fminf(fmaxf(r, fminf(a, b)), fmaxf(a, b));
-        }
+        bool second;
+        float rest;
+        __device__ __forceinline__ explicit Fraction(float f) : second(f > 0.5F), rest(second ? f - 1 : f) {}
+        __device__ __forceinline__ float between(float a, float b) const { return (second ? b : a) + rest * (b - a); }
     };
 };
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "libvkt/kernel/rows.h"
+#include "libvkt/operations/common/kernels/finite_rows.h"
 #include "libvkt/operations/resample/kernels/affine_places.h"
 #include "libvkt/operations/resample/kernels/interleaved.h"
 #include "libvkt/operations/resample/kernels/still_axis.h"
@@ -34,6 +35,14 @@ struct SinglePlaces {
     }
 };
 
+/// Calls make(between) with what is quick, and again with what takes every value where something of the n values that
+/// it makes of voxels of type T is not finite.
+template <class T, class C, class Make> void make_between(C const* values, std::int64_t n, Make const& make) {
+    make(QuicklyBetween{});
+    if constexpr (!std::is_integral_v<T>)
+        if (!all_finite(values, n)) make(AlwaysBetween{});
+}
+
 /// Loads one by one, then the sums in vectors; neighbours along x are loaded together. Rows counts those that are
 /// looked at: 4, or the 2 of a plane, `across` and `along` voxels from one another; `f` has the fractions across.
 template <int Rows, class T>
@@ -45,26 +54,30 @@ void sample_strip_single(T const* data, std::int64_t across, std::int64_t along,
         for (int r = 0; r < Rows; ++r)
             std::memcpy(pair[r] + 2 * i, c + (r & 1) * across + (r >> 1) * along, 2 * sizeof(T));
     }
+    make_between<T>(static_cast<float const*>(to), n, [&](auto const between) {
 #pragma omp simd
-    for (std::int32_t i = 0; i < n; ++i) {
-        auto const along_x = [&](int k) {
-            return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), at.fx[i]);
-        };
-        float value = between(along_x(0), along_x(1), f[i]);
-        if constexpr (Rows == 4) value = between(value, between(along_x(2), along_x(3), f[i]), at.fz[i]);
-        to[i] = value;
-    }
+        for (std::int32_t i = 0; i < n; ++i) {
+            auto const along_x = [&](int k) {
+                return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), at.fx[i]);
+            };
+            float value = between(along_x(0), along_x(1), f[i]);
+            if constexpr (Rows == 4) value = between(value, between(along_x(2), along_x(3), f[i]), at.fz[i]);
+            to[i] = value;
+        }
+    });
 }
 
 /// Rows that stay rows: weights that all voxels share.
 template <class T>
 void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice, std::int64_t n, float fy, float fz,
                             float* to) {
+    make_between<T>(static_cast<float const*>(to), n, [&](auto const between) {
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) {
-        auto const v = [&](std::int64_t at) { return static_cast<float>(from[i + at]); };
-        to[i] = between(between(v(0), v(row), fy), between(v(slice), v(slice + row), fy), fz);
-    }
+        for (std::int64_t i = 0; i < n; ++i) {
+            auto const v = [&](std::int64_t at) { return static_cast<float>(from[i + at]); };
+            to[i] = between(between(v(0), v(row), fy), between(v(slice), v(slice + row), fy), fz);
+        }
+    });
 }
 
 /// A piece of a row of results in float32; run(to) gives those that look at nothing beyond the volume.
@@ -227,10 +240,13 @@ private:
             SinglePlaces const& at = shared.places[row];
             std::int32_t const n = shared.count(row);
             float const* const f = fractions(at);
-            for (std::int32_t i = 0; i < n; ++i) {
-                std::int64_t const in_plane = at.index[i] - first * along_, y = in_plane / across_;
-                voxels.sample(voxels.place(in_plane - y * across_, y), at.fx[i], f[i], samples + i * slices_at_once);
-            }
+            make_between<T>(static_cast<float const*>(samples), n * slices_at_once, [&](auto const between) {
+                for (std::int32_t i = 0; i < n; ++i) {
+                    std::int64_t const in_plane = at.index[i] - first * along_, y = in_plane / across_;
+                    voxels.sample(voxels.place(in_plane - y * across_, y), at.fx[i], f[i], samples + i * slices_at_once,
+                                  between);
+                }
+            });
             constexpr std::int64_t edge = block_edge<float>;
             for (std::int64_t i = 0; i < n; i += edge)
                 for (std::int64_t slice = 0; slice < slices_at_once; slice += edge)

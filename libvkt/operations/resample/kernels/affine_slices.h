@@ -133,6 +133,12 @@ __device__ __noinline__ driver::LossCounts paths_left(SlicesSample<T> const& sli
 }
 
 template <class T> struct alignas(4 * sizeof(T)) FourVoxels { T v[4]; };
+/// True if every fourth voxel of all rows begins where four may be stored at once.
+template <class T> bool holds_four_at_once(driver::DeviceRows const& out) {
+    return (reinterpret_cast<std::uintptr_t>(out.data) | static_cast<std::uintptr_t>(out.row | out.slice)) %
+               sizeof(FourVoxels<T>) ==
+           0;
+}
 /// Four voxels of a row, or as many as it has there, in each of so many slices.
 template <class T>
 __device__ __forceinline__ void store_four(SlicesSample<T> const& slices, float const* from, int columns, int count,
@@ -263,8 +269,11 @@ __global__ void __launch_bounds__(32 * plane_warps, 3)
             Fraction const x(fx[p]), w(fw[p]);
             float odd = 0;
 #pragma unroll
-            for (int k = 0; k < slices_at_once; ++k)
-                place[k * plane_size] = w.between(x.between(v[k][0], v[k][1], odd), x.between(v[k][2], v[k][3], odd));
+            for (int k = 0; k < slices_at_once; ++k) {
+                float const value = w.between(x.between(v[k][0], v[k][1]), x.between(v[k][2], v[k][3]));
+                odd = __fmaf_rn(value, 0.0F, odd);
+                place[k * plane_size] = value;
+            }
             if (!std::is_integral_v<T> && odd != 0) left |= 1U << (p * slice_groups + group);
         }
         from += slices_at_once * along;
@@ -294,18 +303,13 @@ template <class T>
 void launch_slices(Index3 n, StillAxis still, LinearSample<T> const& sample, unsigned long long* totals) {
     using Shape = driver::BlockShape<plane_side, plane_side, plane_slices, 1>;
     Index3 const dims = still.axis == 2 ? n : Index3{n.x, n.z, n.y};
-    driver::DeviceRows const& out = sample.any.out;
-    bool const aligned =
-        (reinterpret_cast<std::uintptr_t>(out.data) | static_cast<std::uintptr_t>(out.row | out.slice)) %
-            sizeof(FourVoxels<T>) ==
-        0;
     driver::Blocks const blocks = driver::blocks_of<Shape>(dims);
     auto const background = static_cast<float>(sample.any.s.background);
     SlicesSample<T> const all{sample,
                               still,
                               plane_path(still, sample.any.s.map),
                               dims,
-                              aligned,
+                              holds_four_at_once<T>(sample.any.out),
                               static_cast<float>(round_to<T>(background)),
                               is_clipped<T>(background),
                               is_lost_nan<T>(background)};

@@ -139,7 +139,9 @@ public:
     /// The voxels of all slices at a place of the plane.
     T const* at(std::int64_t x, std::int64_t row) const { return voxels_.data() + place(x, row) * slices; }
     /// Between the four voxels from a place on, of all slices: what linear interpolation by these fractions gives.
-    void sample(std::int64_t place, float fx, float frow, float* to) const {
+    /// `between` is QuicklyBetween or AlwaysBetween.
+    template <class Between>
+    void sample(std::int64_t place, float fx, float frow, float* to, Between const& between) const {
         T const *const near = voxels_.data() + place * slices, *const next = near + width_ * slices;
 #pragma omp simd
         for (std::int64_t i = 0; i < slices; ++i) {

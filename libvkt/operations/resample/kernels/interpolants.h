@@ -33,14 +33,26 @@ VKT_HD double saturated(double result, double of) {
     return of - of == 0 ? kept : result; // NOLINT(misc-redundant-expression): NaN, and what is not finite
 }
 
-/// Between a and b, never beyond either; at 0 all of a, whatever b is.
-template <class R> VKT_HD R between(R a, R b, R f) {
-    R r = (1 - f) * a + f * b;
-    R const low = a < b ? a : b, high = a > b ? a : b;
-    r = r < low ? low : r;
-    r = r > high ? high : r;
-    return f == 0 ? a : r;
+/// Between a and b where their difference has room in R; not finite where it has not. From the nearer one on: nothing
+/// is lost of values that are large and alike, and no rounding leads beyond either.
+template <class R> VKT_HD R quickly_between(R a, R b, R f) {
+    bool const second = f > R(0.5);
+    return (second ? b : a) + (second ? f - 1 : f) * (b - a);
 }
+/// Between a and b, never beyond either; at 0 all of a, whatever b is. The bits of quickly_between() where that is
+/// finite, and of values a power of two smaller where their difference has no room.
+template <class R> VKT_HD R between(R a, R b, R f) {
+    auto const is_finite = [](R v) { return v - v == 0; }; // NOLINT(misc-redundant-expression): NaN, too
+    R const quick = quickly_between(a, b, f), half = quickly_between(a / 2, b / 2, f);
+    if (is_finite(quick)) return quick;
+    return is_finite(half) ? 2 * half : f == 0 ? a : (1 - f) * a + f * b;
+}
+struct QuicklyBetween {
+    template <class R> VKT_HD R operator()(R a, R b, R f) const { return quickly_between(a, b, f); }
+};
+struct AlwaysBetween {
+    template <class R> VKT_HD R operator()(R a, R b, R f) const { return between(a, b, f); }
+};
 
 /// The interpolants, by the voxels around floor(position), v(i, j, k), and the fractions.
 struct Linear {
