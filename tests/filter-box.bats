@@ -84,6 +84,22 @@ assert np.array_equal(got, maximum_filter(bad, (3, 5, 3)))"
     fails_with 2 'no voxel' vkt filter box v_13x11x7_uint8.raw --boundary border:0.5 -o o.vkt
 }
 
+@test "tiles of threads see what lies around them, at the other end as well" {
+    vkt make noise --dims 120 90 70 --dtype float32 -o noise.vkt
+    for boundary in mirror clamp wrap border:7; do
+        for radius in 1 2,0,40 33,50,3; do
+            for filter in 'filter box' 'morphology erode --shape box'; do
+                # shellcheck disable=SC2086
+                vkt $filter noise.vkt --boundary $boundary --radius $radius --threads 1 --slab 70 -o one.vkt --force
+                for threads in 4 7 13; do
+                    # shellcheck disable=SC2086
+                    vkt $filter noise.vkt --boundary $boundary --radius $radius --threads $threads --slab 70 | vkt diff - one.vkt
+                done
+            done
+        done
+    done
+}
+
 @test "the plan tells what is exact and what is bounded" {
     vkt filter box v_13x11x7_uint8.raw --radius 9 -n -o x.vkt 2>plan
     grep -q 'windows of sums, 19x19x19, int32' plan

@@ -6,6 +6,7 @@
 #include "libvkt/operations/filter/kernels/box_window.h"
 
 #include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -25,12 +26,39 @@ std::size_t box_sum_bytes(DataType type, Index3 radius) {
     return std::max(highest_of(type), -lowest_of(type)) * count_of(radius) < 0x1p31 ? 4 : 8;
 }
 
-std::size_t box_window_bytes(Index3 dims, Index3 radius, std::size_t value_bytes, int threads) {
-    std::int64_t const planes = dims.x * dims.y * (dims.z + 2 * radius.z);
-    std::int64_t const lines = dims.x * (dims.y + 2 * radius.y + 1) + 2 * radius.x;
-    auto const rows = [&](std::int64_t r) { return (2 * r + 3) * window_columns(2 * r + 1, dims.x, value_bytes); };
-    std::int64_t const window = std::max(rows(radius.y), rows(radius.z));
-    return static_cast<std::size_t>(planes + std::max(1, threads) * (lines + window)) * value_bytes;
+BoxLayout::BoxLayout(Index3 dims, Index3 radius, std::size_t value_bytes, int threads) {
+    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
+    Index3 const w = Radius{radius}.edges();
+    auto const bytes = static_cast<std::int64_t>(value_bytes);
+    // A tile for each thread, and those that look at the least around them.
+    bands = layers = 1;
+    std::int64_t least = std::numeric_limits<std::int64_t>::max();
+    for (std::int64_t b = std::min<std::int64_t>(threads, dims.y); b > 0; --b) {
+        std::int64_t const l = std::clamp<std::int64_t>(threads / b, 1, dims.z);
+        std::int64_t const seen = (parts(dims.y, b) + 2 * radius.y) * (parts(dims.z, l) + 2 * radius.z);
+        if (seen >= least) continue;
+        least = seen;
+        bands = b;
+        layers = l;
+    }
+    std::int64_t const rows = parts(dims.y, bands), fit = (std::int64_t{1} << 18) / (w.y * bytes) / 64 * 64;
+    constexpr std::int64_t most_register = 64; // bytes
+    std::int64_t const lanes = most_register / bytes;
+    pitch = parts(dims.x, lanes) * lanes;
+    line = parts(dims.x + 2 * radius.x, lanes) * lanes;
+    together = std::clamp<std::int64_t>((4 << 10) / (line * bytes), 1, rows + 2 * radius.y); // in the first cache
+    columns = std::min(std::clamp<std::int64_t>(fit, 64, 1024), pitch);
+    slice = rows * pitch + lanes; // no power of two apart
+    values = (radius.z > 0 ? w.z + 1 : 0) * slice + 2 * together * line + (rows + 2 * radius.y + 1) * line +
+             (w.y + 2) * columns + 8 * lanes;
+    values = parts(values, lanes) * lanes;
+}
+
+std::size_t box_window_bytes(Index3 dims, Index3 radius, std::size_t value_bytes, Execution const& execution) {
+    if (execution.device == Device::gpu) // rows, then columns of them
+        return static_cast<std::size_t>(dims.x * 2 * (dims.y + radius.y) * (dims.z + 2 * radius.z)) * value_bytes;
+    BoxLayout const layout(dims, radius, value_bytes, std::max(1, execution.threads));
+    return static_cast<std::size_t>(layout.tiles() * layout.values) * value_bytes;
 }
 
 Texts BoxMean::texts() const {
@@ -81,16 +109,18 @@ void BoxMean::describe(Header const& in, Index3 /*cell_width*/, Plan& plan) cons
 
 void BoxMean::prepare(Header const& in, Index3 /*cell_width*/) {
     reach_ = without_copies(in, radius_.voxels);
+    folds_ = true;
     type_ = in.dtype;
 }
 
 std::size_t BoxMean::fit(Index3 largest, Execution const& execution) {
     if (reach_ == Index3{}) return 0;
-    return box_window_bytes(largest, reach_, box_sum_bytes(type_, reach_), execution.threads);
+    return box_window_bytes(largest, reach_, box_sum_bytes(type_, reach_), execution) +
+           outside_bytes(largest, type_, execution);
 }
 
 void BoxMean::filter(ConstView in, AnyView out, Execution const& execution) {
-    mean_of_boxes(in, out, reach_, losses_, execution);
+    mean_of_boxes(with_outside(in, out.box, around_, execution), out, reach_, beyond_, losses_, execution);
 }
 
 } // namespace vkt

@@ -27,6 +27,7 @@ protected:
 private:
     Radius radius_;
     DataType type_ = DataType::uint8;
+    Buffer around_;
 };
 
 /// Largest radius of windows whose cost does not depend on it.

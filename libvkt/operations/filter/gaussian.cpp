@@ -6,6 +6,7 @@
 #include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/filter/local_filter.h"
 
 #include <cmath>
 
@@ -369,23 +370,6 @@ GaussianLayout::GaussianLayout(GaussianPasses const& passes, Index3 region) {
     strip_z = in_bytes(24 << 10, slices);
     strip_y = in_bytes(24 << 10, rows);
     values = rounded(2 * slices * pitch + tile.z * slice + (group + 2) * pitch, 64);
-}
-
-Box inside_volume(Box box, Index3 dims, Boundary boundary) {
-    for (int axis = 0; axis < 3; ++axis) {
-        std::int64_t const n = dims[axis];
-        bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
-        if (!outside) continue;
-        if (boundary == Boundary::wrap) {
-            // The engine fetches slices of the other end, and rows where that is not all of them.
-            if (axis == 2 || (axis == 1 && box.dims().y < n)) continue;
-            box.lower[axis] = 0;
-            box.upper[axis] = n;
-        }
-        box.lower[axis] = std::max<std::int64_t>(box.lower[axis], 0);
-        box.upper[axis] = std::min(box.upper[axis], n);
-    }
-    return box;
 }
 
 Box gaussian_input(GaussianPasses const& passes, Box const& output) {

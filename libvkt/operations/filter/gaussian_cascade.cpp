@@ -3,6 +3,7 @@
 #include "libvkt/operations/filter/gaussian_cascade.h"
 
 #include "libvkt/operations/filter/kernels/gaussian_cascade.h"
+#include "libvkt/operations/filter/local_filter.h"
 
 #include <algorithm>
 #include <cmath>

@@ -35,6 +35,23 @@ void Radius::check(std::int64_t most) const {
             throw Error(ErrorKind::usage, text("--radius ", voxels[axis], " is not in 0 to ", most));
 }
 
+Box inside_volume(Box box, Index3 dims, Boundary boundary) {
+    for (int axis = 0; axis < 3; ++axis) {
+        std::int64_t const n = dims[axis];
+        bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
+        if (!outside) continue;
+        if (boundary == Boundary::wrap) {
+            // The engine fetches slices of the other end, and rows where that is not all of them.
+            if (axis == 2 || (axis == 1 && box.dims().y < n)) continue;
+            box.lower[axis] = 0;
+            box.upper[axis] = n;
+        }
+        box.lower[axis] = std::max<std::int64_t>(box.lower[axis], 0);
+        box.upper[axis] = std::min(box.upper[axis], n);
+    }
+    return box;
+}
+
 void LocalFilter::parameters(Parameters& parameters) {
     parameters.option("boundary", boundary_, "RULE",
                       "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
@@ -65,7 +82,35 @@ void LocalFilter::begin_on(Header const& in, Index3 cell_width, Plan const& plan
     losses_ = {};
     box_ = region_in(in.dims);
     planned_ = plan.output;
+    beyond_ = {in.dims, plan.boundary, plan.border_value};
     prepare(in, cell_width);
+}
+
+Box LocalFilter::footprint(Box const& output, int) const {
+    Box const seen = grow(output, reach_);
+    return folds_ ? inside_volume(seen, beyond_.dims, beyond_.boundary) : seen;
+}
+
+ConstView LocalFilter::with_outside(ConstView in, Box const& output, Buffer& buffer, Execution const& execution) const {
+    Box const seen = grow(output, reach_);
+    if (execution.space() == Space::host || in.box.contains(seen)) return in;
+    // All that is there: columns that wrap around come from the other end.
+    Box window = seen;
+    for (int axis = 0; axis < 3; ++axis) {
+        window.lower[axis] = std::min(seen.lower[axis], in.box.lower[axis]);
+        window.upper[axis] = std::max(seen.upper[axis], in.box.upper[axis]);
+    }
+    Space const space = execution.space();
+    buffer.reserve(static_cast<std::size_t>(window.voxels()) * size_of(in.type));
+    AnyView const all = dense_view(buffer.write(space), in.type, window, space);
+    copy_region(in, all.part(in.box), execution);
+    fill_border(all, in.box, beyond_.dims, beyond_.boundary, beyond_.border_value, execution);
+    return all;
+}
+
+std::size_t LocalFilter::outside_bytes(Index3 largest, DataType type, Execution const& execution) const {
+    if (!folds_ || execution.space() == Space::host) return 0;
+    return static_cast<std::size_t>(grow(box_of(largest), reach_).voxels()) * size_of(type);
 }
 
 Plan LocalFilter::plan_level(Header const& level, Index3 cell_width) const {

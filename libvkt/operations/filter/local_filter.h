@@ -3,8 +3,10 @@
 #pragma once
 
 #include "libvkt/core/boundary_rule.h"
+#include "libvkt/core/buffer.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/common/remarks.h"
+#include "libvkt/operations/filter/kernels/continuation.h"
 
 namespace vkt {
 
@@ -23,6 +25,10 @@ template <> struct ValueText<Radius> : OneWord {
     static std::vector<std::string> write(Radius const& radius);
 };
 
+/// A region with what a filter sees around it, cut to the volume. Slices wrap outside, and so do rows unless all of
+/// them are needed.
+Box inside_volume(Box seen, Index3 dims, Boundary boundary);
+
 /// Base of filters whose result at a voxel is made of the voxels in a box around it. What lies outside the volume is
 /// what the boundary rule says, in the type of the volume; voxels outside the region keep their values. In hierarchical
 /// volumes the voxels around a cell are cells of its own level, of which radii count so many; sigmas, which are
@@ -40,7 +46,8 @@ public:
     Plan plan_level(Header const& level, Index3 cell_width) const override;
     void begin_level(Header const& level, Index3 cell_width, Plan const& plan) override;
     /// Grown by the reach, with or without a region: the slices that a window keeps are then always the next ones.
-    Box footprint(Box const& output, int) const override { return grow(output, reach_); }
+    /// Cut to the volume if the filter knows how that goes on.
+    Box footprint(Box const& output, int) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override { return losses_.counters(); }
     std::vector<Remark> remarks() const override;
@@ -51,7 +58,7 @@ protected:
     virtual void describe(Header const& in, Index3 cell_width, Plan& plan) const = 0;
     /// Such a volume begins: reach_, and what else filter() works with.
     virtual void prepare(Header const& in, Index3 cell_width) = 0;
-    /// Computes out.box, which lies in the region; `in` covers it grown by the reach.
+    /// Computes out.box, which lies in the region; `in` covers it grown by the reach, what is cut off left out.
     virtual void filter(ConstView in, AnyView out, Execution const& execution) = 0;
 
     /// Stores what lies outside the region: the values as they are.
@@ -65,7 +72,13 @@ protected:
     /// A radius without the axes that are flat, for filters that copies of their window change nothing about.
     Index3 without_copies(Header const& in, Index3 radius) const;
 
-    Index3 reach_; ///< voxels that results depend on, to either side
+    /// For kernels that do not, on GPUs: `in` with what lies outside, in the buffer; and the bytes that this has.
+    ConstView with_outside(ConstView in, Box const& output, Buffer& buffer, Execution const& execution) const;
+    std::size_t outside_bytes(Index3 largest, DataType type, Execution const& execution) const;
+
+    Index3 reach_;       ///< voxels that results depend on, to either side
+    bool folds_ = false; ///< filter() finds what lies outside the volume itself, as beyond_ says
+    Continuation beyond_;
     BoundaryRule boundary_;
     Losses losses_; ///< of the volume so far
 

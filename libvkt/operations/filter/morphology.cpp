@@ -100,22 +100,25 @@ void Morphology::prepare(Header const& in, Index3 /*cell_width*/) {
     reversed_ = in.values.slope < 0;
     window_ = without_copies(in, radius_.voxels);
     reach_ = twice() ? window_ + window_ : window_;
+    // What comes second looks at results outside the volume, which are no folds of those inside.
+    folds_ = shape_ == WindowShape::box && !twice();
 }
 
 std::size_t Morphology::fit(Index3 largest, Execution const& execution) {
     Index3 const r = window_, most = twice() ? grow(box_of(largest), r).dims() : largest;
     std::size_t const size = size_of(type_), between = static_cast<std::size_t>(most.x * most.y * most.z) * size;
-    std::size_t const windows = shape_ == WindowShape::box ? box_window_bytes(most, r, size, execution.threads)
+    std::size_t const windows = shape_ == WindowShape::box ? box_window_bytes(most, r, size, execution)
                                                            : ball_window_bytes(r, size, execution.threads);
-    return windows + (twice() || subtracts() ? 2 * between : 0);
+    return windows + (twice() || subtracts() ? 2 * between : 0) + outside_bytes(largest, type_, execution);
 }
 
-void Morphology::filter(ConstView in, AnyView out, Execution const& execution) {
+void Morphology::filter(ConstView voxels, AnyView out, Execution const& execution) {
     Index3 const r = window_;
+    ConstView const in = folds_ ? with_outside(voxels, out.box, around_, execution) : voxels;
     auto const take = [&](ConstView from, AnyView to, bool least) {
         WindowExtreme const extreme = least != reversed_ ? WindowExtreme::least : WindowExtreme::greatest;
         if (shape_ == WindowShape::box)
-            extreme_of_boxes(from, to, r, extreme, execution);
+            extreme_of_boxes(from, to, r, beyond_, extreme, execution);
         else
             extreme_of_balls(from, to, r, extreme, execution);
     };

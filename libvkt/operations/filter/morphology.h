@@ -42,7 +42,7 @@ public:
 protected:
     void describe(Header const& in, Index3 cell_width, Plan& plan) const override;
     void prepare(Header const& in, Index3 cell_width) override;
-    void filter(ConstView in, AnyView out, Execution const& execution) override;
+    void filter(ConstView voxels, AnyView out, Execution const& execution) override;
 
 private:
     bool twice() const;
@@ -54,7 +54,7 @@ private:
     Index3 window_; ///< the radius of the volume that was begun
     DataType type_ = DataType::uint8;
     bool reversed_ = false; ///< a negative slope
-    Buffer first_, second_;
+    Buffer around_, first_, second_;
 };
 
 } // namespace vkt

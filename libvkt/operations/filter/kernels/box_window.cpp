@@ -6,43 +6,59 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
 #include "libvkt/operations/common/kernels/finite_rows.h"
 #include "libvkt/operations/filter/kernels/large_rows.h"
 #include "libvkt/operations/filter/kernels/window_parts.h"
 
+#include <algorithm>
+#include <limits>
+#include <utility>
+
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
 
-/// to[i] = a[i] op b[i]; `to` may be one of them.
-template <class Op, class S> void combine(S* to, S const* a, S const* b, std::int64_t n) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) to[i] = Op::of(a[i], b[i]);
+/// to[i] = a[i] op b[i]; `to` may be one of them. Whole registers: rows have room for them. Not inlined: callers are
+/// many, and compilers make much of it.
+template <class Op, class S> [[gnu::noinline]] void combine(S* to, S const* a, S const* b, std::int64_t n) {
+    for (std::int64_t i = 0; i < n; i += lane_count<S>)
+        store_lanes(to + i, Op::of(load_lanes(a + i), load_lanes(b + i)));
 }
 
-/// to[i] = values[i] op … op values[i + w - 1] for n voxels; spoils values[0 … n + w - 2].
-template <class Op, class S> void window_along_row(S* values, S* to, std::int64_t n, std::int64_t w) {
-    std::int64_t length = n + w - 1, offset = 0;
-    bool any = false;
-    for (std::int64_t span = 1; span <= w; span *= 2) {
-        // values[i] holds `span` voxels from i on.
-        if ((w & span) != 0) {
-            if (any)
-                combine<Op>(to, to, values + offset, n);
-            else
-                std::memcpy(to, values + offset, static_cast<std::size_t>(n) * sizeof(S));
-            any = true;
-            offset += span;
-        }
-        length -= span;
-        if (2 * span > w) continue;
-#pragma omp simd // in place: every value is read before it is written
-        for (std::int64_t i = 0; i < length; ++i) values[i] = Op::of(values[i], values[i + span]);
+/// to[i] = (a[i] op a[i + span]) op (a[i + 2 span] op a[i + 3 span]); `to` may be a.
+template <class Op, class S> [[gnu::noinline]] void combine_four(S* to, S const* a, std::int64_t span, std::int64_t n) {
+    for (std::int64_t i = 0; i < n; i += lane_count<S>) {
+        Lanes<S> const low = Op::of(load_lanes(a + i), load_lanes(a + i + span));
+        store_lanes(to + i, Op::of(low, Op::of(load_lanes(a + i + 2 * span), load_lanes(a + i + 3 * span))));
     }
 }
+
+/// to[i] = values[i] op … op values[i + w - 1] for n voxels; w is odd, `sums` has room for as many as `values` has.
+template <class Op, class S> void window_along_row(S const* values, S* sums, S* to, std::int64_t n, std::int64_t w) {
+    if (w == 1) std::memcpy(to, values, static_cast<std::size_t>(n) * sizeof(S));
+    S const *from = values, *part = values;
+    for (std::int64_t span = 1, length = n + w - 1, offset = 1; 2 * span <= w; from = sums) {
+        // from[i] holds `span` voxels from i on, part[i] the first of the window.
+        if (4 * span <= w && (w & (2 * span)) == 0) {
+            combine_four<Op>(sums, from, span, length -= 3 * span);
+            span *= 4;
+        } else {
+            combine<Op>(sums, from, from + span, length -= span);
+            span *= 2;
+        }
+        if ((w & span) == 0) continue;
+        combine<Op>(to, part, static_cast<S const*>(sums + offset), n);
+        part = to;
+        offset += span;
+    }
+}
+
+/// Where the block of w that i is in begins.
+std::int64_t block_of(std::int64_t i, std::int64_t w) { return (i >= 0 ? i / w : -((-i + w - 1) / w)) * w; }
 
 /// Windows of w rows of n values: row(s) op … op row(s + w - 1) goes to place(s), then done(s) is called, for
 /// begin <= s < end. `scratch` has room for w + 1 rows.
@@ -51,8 +67,7 @@ void window_across_rows(std::int64_t begin, std::int64_t end, std::int64_t w, st
                         Row const& row, Place const& place, Done const& done) {
     S* const ahead = scratch + w * n;
     auto const suffix = [&](std::int64_t s, std::int64_t block) { return scratch + (s - block) * n; };
-    std::int64_t const first = begin >= 0 ? begin / w : -((-begin + w - 1) / w);
-    for (std::int64_t block = first * w; block < end; block += w) {
+    for (std::int64_t block = block_of(begin, w); block < end; block += w) {
         std::int64_t const from = std::max(block, begin), to = std::min(block + w, end);
         // What follows from each row to the end of the block, then what the next block adds.
         std::int64_t s = block + w - 1;
@@ -80,63 +95,217 @@ void window_across_rows(std::int64_t begin, std::int64_t end, std::int64_t w, st
     }
 }
 
-/// load(x, y, z, n, S* to) reads voxels; store(x, y, z, n, S const* from) takes results.
-template <class Op, class S, class Load, class Store>
-void box_windows(Box const& out, Index3 radius, Execution const& execution, Load const& load, Store const& store) {
+/// A tile of the output, one slice of windows along x and y after the other. Along z only as many are held as a window
+/// has: the sums that end with the block before, each of which gives way to a slice once it has been used.
+template <class Op, class S, class Convert, class Store> class BoxTile {
+public:
+    /// convert(bytes, S* to, n) makes values of voxels; store(x, y, z, n, S const* from) takes results.
+    BoxTile(ConstView in, Box const& tile, Index3 radius, Continuation const& beyond, Convert const& convert,
+            Store const& store)
+        : in_(in), tile_(tile), radius_(radius), w_(Index3{1, 1, 1} + radius + radius), width_(tile.dims().x),
+          beyond_(beyond), convert_(convert), store_(store) {
+        voxels_ = {std::max(tile.lower.x - radius.x, in.box.lower.x),
+                   std::min(tile.upper.x + radius.x, in.box.upper.x)};
+        find_outside(tile.lower.x - radius.x, voxels_.lower);
+        find_outside(voxels_.upper, tile.upper.x + radius.x);
+        for (std::int64_t y = tile.lower.y - radius.y; y < tile.upper.y + radius.y; ++y) {
+            lines_of_.push_back(source(1, y));
+            if (lines_of_.back() != border) rows_.push_back(lines_of_.back());
+        }
+        std::ranges::sort(rows_);
+        rows_.erase(std::unique(rows_.begin(), rows_.end()), rows_.end());
+        for (std::int64_t& line : lines_of_)
+            if (line != border) line = std::ranges::lower_bound(rows_, line) - rows_.begin();
+    }
+
+    void run(BoxLayout const& layout, S* memory, Execution const& execution) {
+        auto const take = [&](std::int64_t values) {
+            constexpr std::int64_t lanes = lane_count<S>;
+            return std::exchange(memory, memory + (values + lanes - 1) / lanes * lanes);
+        };
+        pitch_ = layout.pitch;
+        columns_ = layout.columns;
+        slice_ = layout.slice;
+        if (radius_.z > 0) { // else nothing is held
+            slices_ = take(w_.z * slice_);
+            ahead_ = take(slice_);
+        }
+        result_ = take(columns_);
+        stride_ = layout.line;
+        together_ = layout.together;
+        voxels_around_ = take(together_ * stride_ + 2 * lane_count<S>);
+        sums_ = take(together_ * stride_ + 2 * lane_count<S>);
+        scratch_ = take((w_.y + 1) * columns_);
+        border_row_ = take(stride_);
+        lines_ = memory;
+        if (beyond_.boundary == Boundary::border) {
+            VoxelBytes const voxel = voxel_bytes(in_.type, beyond_.border_value);
+            convert(voxel.data(), &border_value_, 1);
+            std::fill_n(voxels_around_, stride_, border_value_);
+            window_along_row<Op>(static_cast<S const*>(voxels_around_), sums_, border_row_, width_, w_.x);
+        }
+        std::int64_t const begin = tile_.lower.z - radius_.z, end = tile_.upper.z + radius_.z,
+                           first = block_of(begin, w_.z);
+        for (std::int64_t z = begin, block = first; z < end; ++z) {
+            tell_progress(execution, begin, z, end);
+            if (z == block + w_.z) block = z;
+            add_slice(z, block, block > first, z - w_.z + 1 >= begin && z < block + w_.z - 1);
+            if (radius_.z > 0 && z == block + w_.z - 1) finish_block(std::max(begin, block), z, block >= begin);
+        }
+    }
+
+private:
+    /// In place of an index; far from all of them.
+    static constexpr std::int64_t border = std::numeric_limits<std::int64_t>::min() / 2;
+    struct Span {
+        std::int64_t lower, upper;
+    };
+    /// Columns that follow one another, and those that stand there: one after the other, in reverse, or one for all.
+    struct Run {
+        std::int64_t to, from, count, step;
+    };
+
+    /// What the input has in place of i along an axis.
+    std::int64_t source(int axis, std::int64_t i) const {
+        if (i >= in_.box.lower[axis] && i < in_.box.upper[axis]) return i;
+        std::int64_t const from = fold(i, beyond_.dims[axis], beyond_.boundary);
+        return from < 0 ? border : from;
+    }
+    [[gnu::noinline]] void convert(std::byte const* from, S* to, std::int64_t n) const { convert_(from, to, n); }
+    [[gnu::noinline]] void store(std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, S const* from) const {
+        store_(x, y, z, n, from);
+    }
+    S* slice(std::int64_t z) const { return slices_ + (z - block_of(z, w_.z)) * slice_; }
+
+    void find_outside(std::int64_t begin, std::int64_t end) {
+        for (std::int64_t x = begin; x < end; ++x) {
+            std::int64_t const from = source(0, x);
+            if (x > begin) {
+                Run& run = outside_.back();
+                std::int64_t const step = from - (run.from + (run.count - 1) * run.step);
+                bool const there = from >= voxels_.lower && from < voxels_.upper,
+                           same = there == (run.from >= voxels_.lower && run.from < voxels_.upper);
+                if (same && std::abs(step) <= 1 && (run.count == 1 || step == run.step)) {
+                    run.step = step;
+                    ++run.count;
+                    continue;
+                }
+            }
+            outside_.push_back({x, from, 1, 0});
+        }
+    }
+
+    /// A row with what is around it.
+    void load(std::int64_t y, std::int64_t z, S* to) const {
+        S* const line = to - (tile_.lower.x - radius_.x);
+        convert(in_.at(voxels_.lower, y, z), line + voxels_.lower, voxels_.upper - voxels_.lower);
+        for (Run const& run : outside_) {
+            if (run.from == border)
+                std::fill_n(line + run.to, run.count, border_value_);
+            else if (run.from < voxels_.lower || run.from >= voxels_.upper) // around the volume
+                convert(in_.at(run.from, y, z), line + run.to, run.count);
+            else if (run.step == 0)
+                std::fill_n(line + run.to, run.count, line[run.from]);
+            else if (run.step == 1)
+                std::memcpy(line + run.to, line + run.from, static_cast<std::size_t>(run.count) * sizeof(S));
+            else
+                driver::copy_reversed(line + run.to, line + run.from, run.count, false);
+        }
+    }
+
+    /// Windows along x of all rows, some of them at a time as if they were one: work that follows on what has just been
+    /// stored waits for it in short ones.
+    void load_slice(std::int64_t z) const {
+        auto const rows = static_cast<std::int64_t>(rows_.size());
+        for (std::int64_t i = 0; i < rows; i += together_) {
+            std::int64_t const count = std::min(together_, rows - i);
+            for (std::int64_t j = 0; j < count; ++j)
+                load(rows_[static_cast<std::size_t>(i + j)], z, voxels_around_ + j * stride_);
+            window_along_row<Op>(static_cast<S const*>(voxels_around_), sums_, lines_ + i * stride_,
+                                 (count - 1) * stride_ + width_, w_.x);
+        }
+    }
+
+    /// Slice z, in the block that begins there; `follows` another one, whose windows with it are `complete`.
+    void add_slice(std::int64_t z, std::int64_t block, bool follows, bool complete) const {
+        std::int64_t const from = source(2, z), y0 = tile_.lower.y - radius_.y, s = z - w_.z + 1;
+        if (from != border) load_slice(from);
+        bool const alone = radius_.z == 0;
+        S *const to = alone ? nullptr : slice(z), *const suffix = alone ? nullptr : slice(s);
+        for (std::int64_t x = 0; x < pitch_; x += columns_) {
+            std::int64_t const m = std::min(columns_, pitch_ - x);
+            window_across_rows<Op>(
+                y0, y0 + tile_.dims().y, w_.y, m, scratch_,
+                [&](std::int64_t y) -> S const* {
+                    std::int64_t const line = lines_of_[static_cast<std::size_t>(y - y0)];
+                    return (from == border || line == border ? border_row_ : lines_ + line * stride_) + x;
+                },
+                [&](std::int64_t y) { return alone ? result_ : to + (y - y0) * pitch_ + x; },
+                [&](std::int64_t y) {
+                    std::int64_t const i = (y - y0) * pitch_ + x, n = std::min(m, width_ - x);
+                    if (alone) store(tile_.lower.x + x, y + radius_.y, z, n, static_cast<S const*>(result_));
+                    if (alone || !follows) return;
+                    if (z == block)
+                        std::memcpy(ahead_ + i, to + i, static_cast<std::size_t>(m) * sizeof(S));
+                    else
+                        combine<Op>(ahead_ + i, static_cast<S const*>(ahead_ + i), static_cast<S const*>(to + i), m);
+                    if (!complete) return;
+                    combine<Op>(result_, static_cast<S const*>(suffix + i), static_cast<S const*>(ahead_ + i), m);
+                    store(tile_.lower.x + x, y + radius_.y, s + radius_.z, n, static_cast<S const*>(result_));
+                });
+        }
+    }
+
+    /// Of the block that ends with a slice what follows from each to its end, down to the first; which may be all of a
+    /// window.
+    void finish_block(std::int64_t first, std::int64_t last, bool whole) const {
+        for (std::int64_t z = last - 1; z >= first; --z)
+            combine<Op>(slice(z), static_cast<S const*>(slice(z)), static_cast<S const*>(slice(z + 1)),
+                        tile_.dims().y * pitch_);
+        if (!whole) return;
+        for (std::int64_t y = 0; y < tile_.dims().y; ++y)
+            for (std::int64_t x = 0; x < width_; x += columns_)
+                store(tile_.lower.x + x, tile_.lower.y + y, first + radius_.z, std::min(columns_, width_ - x),
+                      static_cast<S const*>(slice(first) + y * pitch_ + x));
+    }
+
+    ConstView in_;
+    Box tile_;
+    Index3 radius_, w_;
+    std::int64_t width_;
+    Continuation const& beyond_;
+    Convert const& convert_;
+    Store const& store_;
+    Span voxels_{};                      ///< columns of the input that are loaded
+    std::vector<Run> outside_;           ///< columns that are not
+    std::vector<std::int64_t> rows_;     ///< of the input, each once
+    std::vector<std::int64_t> lines_of_; ///< which of these stands at each row of the tile and around it
+    S border_value_{};
+    std::int64_t pitch_ = 0, columns_ = 0, slice_ = 0, stride_ = 0, together_ = 1;
+    S *slices_ = nullptr, *ahead_ = nullptr, *result_ = nullptr, *voxels_around_ = nullptr, *sums_ = nullptr,
+      *scratch_ = nullptr, *border_row_ = nullptr, *lines_ = nullptr;
+};
+
+template <class Op, class S, class Convert, class Store>
+void box_windows(ConstView in, Box const& out, Index3 radius, Continuation const& beyond, Execution const& execution,
+                 Convert const& convert, Store const& store) {
     if (out.empty()) return;
-    Index3 const n = out.dims(), w{2 * radius.x + 1, 2 * radius.y + 1, 2 * radius.z + 1};
-    std::int64_t const slice = n.x * n.y, slices = n.z + 2 * radius.z, rows = n.y + 2 * radius.y;
-    // In huge pages, and not cleared: what is written is all that is read.
-    Buffer memory(static_cast<std::size_t>(slice * slices) * sizeof(S));
-    S* const planes = reinterpret_cast<S*>(memory.write(Space::host));
     int const threads = threads_for(execution, out.voxels());
-    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads, slices)), slices,
-                  [&](std::int64_t first, std::int64_t last) {
-                      std::vector<S> line(static_cast<std::size_t>(n.x + 2 * radius.x)),
-                          lines(static_cast<std::size_t>(rows * n.x)),
-                          scratch(static_cast<std::size_t>((w.y + 2) * window_columns(w.y, n.x, sizeof(S))));
-                      for (std::int64_t k = first; k < last; ++k) {
-                          S* const plane = planes + k * slice;
-                          for (std::int64_t j = 0; j < rows; ++j) {
-                              load(out.lower.x - radius.x, out.lower.y - radius.y + j, out.lower.z - radius.z + k,
-                                   n.x + 2 * radius.x, line.data());
-                              window_along_row<Op>(line.data(), lines.data() + j * n.x, n.x, w.x);
-                          }
-                          std::int64_t const columns = window_columns(w.y, n.x, sizeof(S));
-                          for (std::int64_t x = 0; x < n.x; x += columns) {
-                              std::int64_t const m = std::min(columns, n.x - x);
-                              std::int64_t const y0 = out.lower.y - radius.y;
-                              window_across_rows<Op>(
-                                  y0, y0 + n.y, w.y, m, scratch.data(),
-                                  [&](std::int64_t y) { return lines.data() + (y - y0) * n.x + x; },
-                                  [&](std::int64_t y) { return plane + (y - y0) * n.x + x; }, [](std::int64_t) {});
-                          }
-                      }
-                  });
-    std::int64_t const columns = window_columns(w.z, n.x, sizeof(S)), pieces = (n.x + columns - 1) / columns;
-    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads, pieces * n.y)), pieces * n.y,
-                  [&](std::int64_t first, std::int64_t last) {
-                      std::vector<S> scratch(static_cast<std::size_t>((w.z + 2) * columns));
-                      S* const result = scratch.data() + (w.z + 1) * columns;
-                      for (std::int64_t item = first; item < last; ++item) {
-                          std::int64_t const y = item / pieces, x = item % pieces * columns,
-                                             m = std::min(columns, n.x - x), z0 = out.lower.z - radius.z;
-                          window_across_rows<Op>(
-                              z0, z0 + n.z, w.z, m, scratch.data(),
-                              [&](std::int64_t z) { return planes + (z - z0) * slice + y * n.x + x; },
-                              [&](std::int64_t) { return result; },
-                              [&](std::int64_t z) {
-                                  store(out.lower.x + x, out.lower.y + y, z + radius.z, m,
-                                        static_cast<S const*>(result));
-                              });
-                      }
-                  });
+    BoxLayout const layout(out.dims(), radius, sizeof(S), threads);
+    Buffer buffer(static_cast<std::size_t>(layout.tiles() * layout.values) * sizeof(S)); // not cleared
+    S* const memory = reinterpret_cast<S*>(buffer.write(Space::host));
+    for_each_item(threads, layout.tiles(), [&](std::int64_t first, std::int64_t last) {
+        for (std::int64_t i = first; i < last; ++i)
+            BoxTile<Op, S, Convert, Store>(in, layout.tile(out, i), radius, beyond, convert, store)
+                .run(layout, memory + i * layout.values, execution);
+    });
 }
 
 /// Means of float64 that are not finite though their voxels are: of voxels times `scale`.
-void mend_means(ConstView in, AnyView out, Index3 radius, double count, double scale, Execution const& execution) {
-    auto const load = [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* to) {
-        auto const* const from = reinterpret_cast<double const*>(in.at(x, y, z));
+void mend_means(ConstView in, AnyView out, Index3 radius, Continuation const& beyond, double count, double scale,
+                Execution const& execution) {
+    auto const convert = [&](std::byte const* bytes, double* to, std::int64_t n) {
+        auto const* const from = reinterpret_cast<double const*>(bytes);
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) to[i] = from[i] * scale;
     };
@@ -145,7 +314,7 @@ void mend_means(ConstView in, AnyView out, Index3 radius, double count, double s
         for (std::int64_t i = 0; i < n; ++i)
             if (!is_finite(to[i])) to[i] = mean_of_scaled(from[i], count, scale);
     };
-    box_windows<Sum, double>(out.box, radius, execution, load, store);
+    box_windows<Sum, double>(in, out.box, radius, beyond, execution, convert, store);
 }
 
 /// Whether voxels of a box are so large that sums of float64 with this scale may overflow without it.
@@ -159,18 +328,21 @@ bool large_in(ConstView in, Box const& box, double scale, Execution const& execu
     return large;
 }
 
-template <class S> void mean_in(ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution) {
+template <class S>
+void mean_in(ConstView in, AnyView out, Index3 radius, Continuation const& beyond, Losses& losses,
+             Execution const& execution) {
     using Loaded = std::conditional_t<std::is_same_v<S, double>, double, float>;
     auto const count = static_cast<double>((2 * radius.x + 1) * (2 * radius.y + 1) * (2 * radius.z + 1));
     bool finite = true; // all means of float64
-    auto const load = [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, S* to) {
-        for (std::int64_t i = 0; i < n; i += row_piece) {
+    auto const convert = [&](std::byte const* bytes, S* to, std::int64_t n) {
+        for (std::int64_t i = 0; i < n;
+             i += row_piece, bytes += static_cast<std::size_t>(row_piece) * size_of(in.type)) {
             std::int64_t const m = std::min(row_piece, n - i);
             if constexpr (std::is_same_v<S, double>) {
-                load_row(in.type, in.at(x + i, y, z), to + i, m);
+                load_row(in.type, bytes, to + i, m);
             } else {
                 alignas(64) Loaded values[row_piece];
-                load_row(in.type, in.at(x + i, y, z), static_cast<Loaded*>(values), m);
+                load_row(in.type, bytes, static_cast<Loaded*>(values), m);
 #pragma omp simd
                 for (std::int64_t j = 0; j < m; ++j) to[i + j] = static_cast<S>(values[j]);
             }
@@ -186,11 +358,12 @@ template <class S> void mean_in(ConstView in, AnyView out, Index3 radius, Losses
         }
         driver::add(losses, store_row(out.type, static_cast<double const*>(means), out.at(x, y, z), n));
     };
-    box_windows<Sum, S>(out.box, radius, execution, load, store);
+    box_windows<Sum, S>(in, out.box, radius, beyond, execution, convert, store);
     if (finite) return;
     double const scale = scale_of_boxes(count);
-    if (large_in(in, {out.box.lower - radius, out.box.upper + radius}, scale, execution))
-        mend_means(in, out, radius, count, scale, execution);
+    bool const large_border = beyond.boundary == Boundary::border && any_large(&beyond.border_value, 1, scale);
+    if (large_border || large_in(in, in.box, scale, execution))
+        mend_means(in, out, radius, beyond, count, scale, execution);
 }
 
 /// Least or greatest keys of ellipsoids: rows with chords of each length, combined.
@@ -204,8 +377,8 @@ public:
         for (std::int64_t dz = -radius.z, i = 0; dz <= radius.z; ++dz)
             for (std::int64_t dy = -radius.y; dy <= radius.y; ++dy, ++i)
                 if (int const half = halves[static_cast<std::size_t>(i)]; half >= 0) chords_.push_back({dy, dz, half});
-        values_.resize(static_cast<std::size_t>((radius.x + 1) * deep_ * rows_ * pitch_));
-        result_.resize(static_cast<std::size_t>(tile_.x));
+        values_.resize(static_cast<std::size_t>((radius.x + 1) * deep_ * rows_ * pitch_ + lane_count<K>));
+        result_.resize(static_cast<std::size_t>(tile_.x + lane_count<K>));
     }
 
     void run(Box const& tile) {
@@ -279,20 +452,20 @@ template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius
 
 } // namespace
 
-void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution) {
+void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation const& beyond, Losses& losses,
+                   Execution const& execution) {
     if (box_sum_bytes(in.type, radius) == 4)
-        mean_in<std::int32_t>(in, out, radius, losses, execution);
+        mean_in<std::int32_t>(in, out, radius, beyond, losses, execution);
     else
-        mean_in<double>(in, out, radius, losses, execution);
+        mean_in<double>(in, out, radius, beyond, losses, execution);
 }
 
-void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution) {
+void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation const& beyond, WindowExtreme extreme,
+                      Execution const& execution) {
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) {
         box_windows<Op, K>(
-            out.box, radius, execution,
-            [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, K* to) {
-                load_keys(in.type, in.at(x, y, z), to, n);
-            },
+            in, out.box, radius, beyond, execution,
+            [&](std::byte const* from, K* to, std::int64_t n) { load_keys(in.type, from, to, n); },
             [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, K const* from) {
                 store_keys(out.type, from, out.at(x, y, z), n);
             });

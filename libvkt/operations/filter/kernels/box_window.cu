@@ -155,14 +155,15 @@ template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius
 
 } // namespace
 
-void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const&) {
+void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation const&, Losses& losses, Execution const&) {
     if (box_sum_bytes(in.type, radius) == 4)
         windows<Sum, std::int32_t>(in, out, radius, losses);
     else
         means_in_double(in, out, radius, losses);
 }
 
-void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const&) {
+void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation const&, WindowExtreme extreme,
+                      Execution const&) {
     Losses none;
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) { windows<Op, K>(in, out, radius, none); });
 }

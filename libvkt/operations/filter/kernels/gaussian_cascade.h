@@ -50,9 +50,6 @@ struct CascadePlanes {
     }
 };
 
-/// A region with what a filter sees around it, cut to the volume. Slices wrap outside, and so do rows unless all of
-/// them are needed.
-Box inside_volume(Box seen, Index3 dims, Boundary boundary);
 /// Input region that an output region needs.
 Box cascade_input(CascadePasses const& passes, Box const& output);
 
