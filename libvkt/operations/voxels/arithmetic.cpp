@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/arithmetic.h"
 
-#include "libvkt/amr/tree.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
@@ -370,7 +369,7 @@ Arithmetic::Choice Arithmetic::choice(std::span<Header const> inputs) const {
 
 Plan Arithmetic::plan(std::span<Header const> inputs) const {
     require_same_grid(inputs);
-    static_cast<void>(region_in(inputs.front().dims)); // or it is refused
+    static_cast<void>(LevelRegion(roi, inputs.front())); // or it is refused
     Choice const choice = this->choice(inputs);
     Plan plan;
     plan.output = inputs.front();
@@ -398,11 +397,7 @@ void Arithmetic::begin(std::span<Header const> inputs, Plan const&) {
     choice_ = choice(inputs);
     voxels_ = inputs.front().voxels();
     counts_ = {};
-    box_ = finest_ = region_in(inputs.front().dims);
-}
-
-void Arithmetic::enter_level(Index3 cell_width, Index3 first) {
-    box_ = cells_centred_in({finest_.lower - first, finest_.upper - first}, cell_width);
+    inside_ = {roi, inputs.front()};
 }
 
 /// Of values as they are stored where they are combined so; a common value map then changes no sum's error.
@@ -560,7 +555,7 @@ void Arithmetic::pass(std::span<Header const> inputs, Choice const& choice, Plan
 }
 
 void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = roi.empty() ? out.box : intersect(out.box, box_);
+    Box const inside = inside_.part_of(out.box);
     if (inside == out.box) return compute(inputs, out, execution);
     auto const parts = [&](Box const& box) {
         std::vector<ConstView> result;

@@ -4,7 +4,7 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
-
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/number.h"
 #include "libvkt/operations/common/remarks.h"
 
@@ -81,7 +81,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
-    void enter_level(Index3 cell_width, Index3 first) override;
+    void enter_level(Index3 cell_width, Index3 first) override { inside_.enter_level(cell_width, first); }
     bool uses_position() const override { return !roi.empty(); }
     /// Where results are computed once more exactly only CPUs do that.
     bool runs_on_gpu() const override { return !choice_.settles; }
@@ -95,7 +95,6 @@ private:
     bool keeps_first() const {
         return !roi.empty() && !(op >= ArithmeticOp::gt && op <= ArithmeticOp::not_) && op != ArithmeticOp::where;
     }
-    Box region_in(Index3 dims) const { return roi.empty() ? box_of(dims) : roi.resolve(dims); }
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
     /// In which values, and as what, results are computed.
@@ -120,7 +119,7 @@ private:
     void pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const;
 
     Choice choice_;
-    Box box_, finest_; ///< the region in cells of the level, and as given
+    LevelRegion inside_;
     std::int64_t voxels_ = 0;
     Losses counts_;
 };
