@@ -51,6 +51,12 @@ template <> struct EnumNames<ArithmeticOp> {
 };
 /// Volumes and numbers that an operation takes.
 int operand_count(ArithmeticOp op);
+/// Yields fractions.
+inline bool is_function(ArithmeticOp op) {
+    return op == ArithmeticOp::pow || op == ArithmeticOp::sqrt || op == ArithmeticOp::exp || op == ArithmeticOp::log;
+}
+/// Yields 0 or 1.
+inline bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
 
 /// Voxel by voxel; dims and geometry must agree. Results are of physical values, in double precision step by step,
 /// where there are value maps; two volumes with equal ones keep the map, and are combined in stored values where that
@@ -92,9 +98,7 @@ public:
 private:
     enum class Algorithm : std::uint8_t { in_float, in_double, in_integers };
     struct Operand;
-    bool keeps_first() const {
-        return !roi.empty() && !(op >= ArithmeticOp::gt && op <= ArithmeticOp::not_) && op != ArithmeticOp::where;
-    }
+    bool keeps_first() const { return !roi.empty() && !is_predicate(op) && op != ArithmeticOp::where; }
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
     /// In which values, and as what, results are computed.
@@ -116,6 +120,7 @@ private:
     void keep(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
     ArithmeticTask task() const;
     void compute(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
+    /// What becomes of the values and errors of the inputs goes into the plan.
     void pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const;
 
     Choice choice_;
