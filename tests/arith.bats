@@ -49,7 +49,7 @@ value() { vkt stats --json | sed -n 's/.*"max": \(.*\),/\1/p'; }
         vkt make noise --dims 13 7 5 --dtype $dtype --seed 1 -o a.$dtype.vkt --force
         vkt make noise --dims 13 7 5 --dtype $dtype --seed 2 -o b.$dtype.vkt --force
         for op in add sub mul div min max; do
-            vkt arith $op a.$dtype.vkt b.$dtype.vkt -q | raw >$op.$dtype.raw
+            vkt arith $op a.$dtype.vkt b.$dtype.vkt -q -o $op.$dtype.raw
         done
         vkt read a.$dtype.vkt | raw >a.$dtype.raw
         vkt read b.$dtype.vkt | raw >b.$dtype.raw
@@ -144,14 +144,14 @@ for i, ta in enumerate(TYPES):
             t = TYPES[(i + 3 * j + 2 * OPS.index(op)) % 11]
             print(op, f"a{i}_{j}_{dims}_{ta}.raw", f"b{i}_{j}_{dims}_{tb}.raw", t)' >runs
     while read -r op a b t; do
-        vkt arith $op $a $b --dtype $t -q | raw >$op.$a.$t
+        vkt arith $op $a $b --dtype $t -q -o $op.$a.$t.raw
     done <runs
     check 'from exactly import *
 wrong = set()
 for line in open("runs"):
     op, a, b, t = line.split()
     ta, tb = (n[:-4].rsplit("_", 1)[1] for n in (a, b))
-    u, v, got = np.fromfile(a, ta).tolist(), np.fromfile(b, tb).tolist(), np.fromfile(f"{op}.{a}.{t}", t).tolist()
+    u, v, got = np.fromfile(a, ta).tolist(), np.fromfile(b, tb).tolist(), np.fromfile(f"{op}.{a}.{t}.raw", t).tolist()
     integers = not any(x in DIGITS for x in (ta, tb, t))
     for x, y, z in zip(u, v, got):
         want = exactly(op, x, y, integers, t)
@@ -169,7 +169,7 @@ v = values('$t'); v.tofile(f'v_{len(v)}x1x1_$t.raw')"
             for number in $numbers; do
                 for out in uint8 int64 float32; do
                     echo $op $number $t $out
-                    vkt arith $op v_*_$t.raw $number --dtype $out -q | raw >$op.$number.$t.$out
+                    vkt arith $op v_*_$t.raw $number --dtype $out -q -o $op.$number.$t.$out.raw
                 done
             done
         done
@@ -181,7 +181,7 @@ for line in open("runs"):
     op, number, t, out = line.split()
     b = Fraction(int(number)) if number.lstrip("-").isdigit() else Fraction(float(number))
     integers = not (t in DIGITS or out in DIGITS)
-    v, got = np.fromfile(glob.glob(f"v_*_{t}.raw")[0], t).tolist(), np.fromfile(f"{op}.{number}.{t}.{out}", out).tolist()
+    v, got = np.fromfile(glob.glob(f"v_*_{t}.raw")[0], t).tolist(), np.fromfile(f"{op}.{number}.{t}.{out}.raw", out).tolist()
     for x, z in zip(v, got):
         want = exactly(op, x, b, integers, out)
         if not same(z, want): wrong.add((op, number, t, out, x, z, want))
@@ -434,10 +434,10 @@ c = rng.uniform(0, 9, a.shape).astype('f4'); c.tofile('c_11x9x7_float32.raw')
 np.round(np.clip(c, 2, 6)).astype('u1').tofile('d_11x9x7_uint8.raw')
 PY
     check() { # DTYPE EXPRESSION OUTSIDE WORDS…
-        for how in '--slab 7 --threads 1' '--slab 1 --threads 3' '--slab 3'; do
-            # shellcheck disable=SC2086
-            vkt arith "${@:4}" --roi 2:9,1:8,1:6 $how | vkt write - --format raw >got.raw
-            /usr/bin/python3 - "$1" "$2" "$3" "${*:4}" <<'PY'
+        vkt arith "${@:4}" --roi 2:9,1:8,1:6 --slab 7 --threads 1 | vkt write - --format raw >got.raw
+        vkt arith "${@:4}" --roi 2:9,1:8,1:6 --slab 1 --threads 3 | vkt write - --format raw | cmp - got.raw
+        vkt arith "${@:4}" --roi 2:9,1:8,1:6 --slab 3 | vkt write - --format raw | cmp - got.raw
+        /usr/bin/python3 - "$1" "$2" "$3" "${*:4}" <<'PY'
 import sys
 import numpy as np
 type_, inside, outside, words = sys.argv[1:]
@@ -456,7 +456,6 @@ want[region] = stored(eval(inside))[region]
 got = np.fromfile('got.raw', type_).reshape(a.shape)
 assert np.array_equal(got, want), (words, (got != want).sum())
 PY
-        done
     }
     a=a_11x9x7_uint8.raw b=b_11x9x7_int16.raw c=c_11x9x7_float32.raw
     check uint8 'A + 90' A add $a 90

@@ -49,11 +49,20 @@ install_and_move() {
     mv "$BATS_FILE_TMPDIR/first" "$BATS_FILE_TMPDIR/moved here"
 }
 
+# python_has MODULE: the system's python can import it. That is asked once a file: an import takes a tenth of a second and more.
+python_has() {
+    local path=${PYTHONPATH:-}
+    local known="$BATS_RUN_TMPDIR/python has $1, ${path//\//:}"
+    [ -e "$known" ] && return
+    /usr/bin/python3 -c "import $1" 2>/dev/null || return
+    { : >"$known"; } 2>/dev/null || true # the name may be too long
+}
+
 # python_with MODULE…: the system's python has these modules, or the test is skipped with the reason.
 python_with() {
     local module
     for module in "$@"; do
-        /usr/bin/python3 -c "import $module" 2>/dev/null || skip "python3 has no $module"
+        python_has "$module" || skip "python3 has no $module"
     done
 }
 
@@ -61,8 +70,7 @@ python_with() {
 # with the reason.
 with_peer() {
     export PYTHONPATH="${PYTHONPATH:+$PYTHONPATH:}$VKT_BUILD/peers"
-    /usr/bin/python3 -c "import $1" 2>/dev/null ||
-        skip "python3 has no $1: pip install --target $VKT_BUILD/peers $1"
+    python_has "$1" || skip "python3 has no $1: pip install --target $VKT_BUILD/peers $1"
 }
 
 # peak_kib COMMAND…: its largest resident set in KiB.

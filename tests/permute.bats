@@ -67,36 +67,44 @@ EOF
 @test "orientations are those of nibabel, for oblique volumes too" {
     python_with nibabel numpy
     vkt crop v_131x47x29_uint8.raw --roi 0:13,0:11,0:7 -o small.nrrd
+    raw small.nrrd >s.raw
+    local case=0
     for direction in 1,0,0,0,1,0,0,0,1 -1,0,0,0,0,-1,0,1,0 0.96,0.28,0,-0.28,0.96,0,0,0,1 0,0.6,0.8,1,0,0,0,0.8,-0.6; do
         for space in LPS RAS; do
             vkt set small.nrrd --direction=$direction --spacing 0.5,1,2 --origin 3,4,5 --attribute space=$space -o s.nrrd --force
+            raw s.nrrd | cmp - s.raw
             for code in ras lps LPI sar ail; do
                 vkt permute --to $code s.nrrd -o p.nrrd --force
-                raw s.nrrd >s.raw
-                raw p.nrrd >p.raw
-                vkt info p.nrrd --json >p.json
-                /usr/bin/python3 - $direction $space $code <<'EOF'
-import json, sys
-import nibabel as nib, numpy as np
-d = np.array([float(v) for v in sys.argv[1].split(",")]).reshape(3, 3).T
-turn = np.diag([-1, -1, 1]) if sys.argv[2] == "LPS" else np.eye(3) # nibabel's world is RAS
-affine = np.eye(4)
-affine[:3, :3] = turn @ d @ np.diag([0.5, 1, 2])
-affine[:3, 3] = turn @ [3, 4, 5]
-image = nib.Nifti1Image(np.fromfile("s.raw", np.uint8).reshape(7, 11, 13).transpose(), affine)
-now, then = nib.io_orientation(affine), nib.orientations.axcodes2ornt(sys.argv[3].upper())
-want = image.as_reoriented(nib.orientations.ornt_transform(now, then))
-got = json.load(open("p.json"))
-assert tuple(got["dims"]) == want.shape, (sys.argv, got["dims"], want.shape)
-assert np.array_equal(np.fromfile("p.raw", np.uint8), np.asarray(want.dataobj).ravel(order="F")), sys.argv
-found = np.eye(4)
-found[:3, :3] = turn @ np.array(got["direction"]).T @ np.diag(got["spacing"])
-found[:3, 3] = turn @ got["origin"]
-assert np.allclose(found, want.affine, atol=1e-6), (sys.argv, found, want.affine)
-EOF
+                raw p.nrrd >$case.raw
+                vkt info p.nrrd --json >$case.json
+                echo $direction $space $code
+                case=$((case + 1))
             done
         done
-    done
+    done >cases
+    [ $case -eq 40 ]
+    /usr/bin/python3 - <<'EOF'
+import json
+import nibabel as nib, numpy as np
+voxels = np.fromfile("s.raw", np.uint8).reshape(7, 11, 13).transpose()
+for i, line in enumerate(open("cases")):
+    direction, space, code = line.split()
+    d = np.array([float(v) for v in direction.split(",")]).reshape(3, 3).T
+    turn = np.diag([-1, -1, 1]) if space == "LPS" else np.eye(3) # nibabel's world is RAS
+    affine = np.eye(4)
+    affine[:3, :3] = turn @ d @ np.diag([0.5, 1, 2])
+    affine[:3, 3] = turn @ [3, 4, 5]
+    image = nib.Nifti1Image(voxels, affine)
+    now, then = nib.io_orientation(affine), nib.orientations.axcodes2ornt(code.upper())
+    want = image.as_reoriented(nib.orientations.ornt_transform(now, then))
+    got = json.load(open(f"{i}.json"))
+    assert tuple(got["dims"]) == want.shape, (line, got["dims"], want.shape)
+    assert np.array_equal(np.fromfile(f"{i}.raw", np.uint8), np.asarray(want.dataobj).ravel(order="F")), line
+    found = np.eye(4)
+    found[:3, :3] = turn @ np.array(got["direction"]).T @ np.diag(got["spacing"])
+    found[:3, 3] = turn @ got["origin"]
+    assert np.allclose(found, want.affine, atol=1e-6), (line, found, want.affine)
+EOF
 }
 
 @test "reversed axes: slabs, threads and pipes make no difference" {

@@ -142,11 +142,12 @@ same_with() {
 
 @test "slices cut into rows give the same, from files and pipes" {
     # Rows of a slice of 380 KiB come in two pieces where 4 MiB are the budget; the wide filter works band by band.
-    vkt make noise --dims 640 304 30 --dtype uint16 --seed 3 -o large.nrrd
+    step=1 depth=30
+    # Voxels by the million, slowly: as few slices as every operation has room in, and the budget has none for.
+    if [ -n "${VKT_SANITIZED:-}" ] && [ -z "${VKT_LONG:-}" ]; then step=4 depth=18; fi
+    vkt make noise --dims 640 304 $depth --dtype uint16 --seed 3 -o large.nrrd
     vkt read large.nrrd >large.vkt
     vkt read large.nrrd --memory 4M >rows.vkt
-    step=1
-    if [ -n "$VKT_SANITIZED" ] && [ -z "${VKT_LONG:-}" ]; then step=4; fi # voxels by the million, slowly
     all=("${operations[@]}" "filter gaussian --sigma 0,0,6" "filter gaussian --sigma 1,1,2" "resample --dims 5 4 2"
         "resample --dims 600 500 3")
     for ((i = 0; i < ${#all[@]}; i += step)); do
@@ -161,7 +162,7 @@ same_with() {
         vkt pipe "read large.nrrd | $operation | write - --format raw" --memory 4M 2>/dev/null | cmp - whole.raw ||
             { echo "$operation: rows of a file differ" >&2; false; }
     done
-    [ "$("$VKT_ROOT/tests/frames.py" rows.vkt | wc -l)" -gt 60 ]
+    [ "$("$VKT_ROOT/tests/frames.py" rows.vkt | wc -l)" -gt $((2 * depth)) ]
     vkt diff rows.vkt large.nrrd
     vkt diff rows.vkt large.nrrd --memory 4M
     for report in 'stats --json' 'stats --roi 3:300,5:299,:' 'dump --roi 0:9,0:300,2:4'; do

@@ -12,19 +12,22 @@ def vkt(*words, code=0):
     done = subprocess.run(("vkt",) + tuple(map(str, words)), capture_output=True, text=True, errors="replace")
     assert done.returncode == code, (words, done.returncode, done.stderr)
     return done
-def put(v, *options, name="in.vkt"):
+def raw(v):
     z, y, x = v.shape
     file = f"put_{x}x{y}x{z}_{v.dtype}.raw"
     v.tofile(file)
-    vkt("set", file, *options, "-o", name, "--force")
+    return file
+def put(v, *options, name="in.vkt"): vkt("set", raw(v), *options, "-o", name, "--force")
 def info(name="out.vkt"): return json.loads(vkt("info", "--json", name).stdout)
 def get(name="out.vkt"):
-    i = info(name)
-    vkt("write", name, "get.raw", "--force")
-    return np.fromfile("get.raw", i["dtype"]).reshape(i["dims"][::-1])
+    vkt("write", name, "get.npy", "--force")
+    return np.load("get.npy")
 def rotate(v, *options, spacing=None):
-    put(v, *([] if spacing is None else ["--spacing", ",".join(map(str, spacing))]))
-    vkt("rotate", "in.vkt", *options, "-o", "out.vkt", "--force")
+    name = raw(v)
+    if spacing is not None:
+        put(v, "--spacing", ",".join(map(str, spacing)))
+        name = "in.vkt"
+    vkt("rotate", name, *options, "-o", "out.vkt", "--force")
     return get()
 def source(shape, r, spacing=(1, 1, 1), about=None):
     "Positions x, y, z in the input of every voxel, for a rotation r of the content."

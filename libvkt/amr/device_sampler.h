@@ -11,13 +11,14 @@ namespace vkt {
 /// Uploads a hierarchical volume once, to the current device. Memory there: the cells, about 110 bytes a brick.
 class DeviceSampler {
 public:
-    /// True if reconstructions by this method of cells of this type are computed there: nearest, and basis in float32.
+    /// True if reconstructions by this method of cells of this type are computed there: nearest and averages, and those
+    /// that may be by basis in float32.
     static bool computes(Reconstruction method, DataType type);
 
     explicit DeviceSampler(Volume const& volume);
 
-    /// The samples of out.box, which lies in device memory: of nearest the same as on CPUs, of basis sums in another
-    /// order. Throws Error{failure} for what it does not compute. O(log bricks) a sample.
+    /// The samples of out.box, which lies in device memory: of nearest the same as on CPUs, of the others sums in
+    /// another order. Throws Error{failure} for what it does not compute. O(log bricks) a sample.
     void run(SampleGrid const& grid, TileRule const& rule, AnyView out);
 
 private:

@@ -214,13 +214,26 @@ for type in $types; do
         same 1e-6 "$vkt clahe a_$type.vkt --bricks 3,2,2 --clip-as $rule --bins 40 --range 10:60 --slab 2 --device \$DEVICE -q"
     done
 done
+# Percentiles: all voxels kept, or counted by their first bits and then by the next ones.
+for type in $types; do
+    "$vkt" make noise --dims 131 70 57 --dtype "$type" --high 100 --seed 3 |
+        "$vkt" transform 'v>90 ? v*v*v : v' -q -o "ranked_$type.vkt"
+    for volume in "a_$type.vkt" "ranked_$type.vkt"; do
+        same text "$vkt stats $volume --percentiles 0,0.1,25,50,99.9,100 --device \$DEVICE --json | grep '\"p'"
+        same text "$vkt stats $volume --roi 3:,1:,2: --percentiles 5,50 --slab 7 --device \$DEVICE --json | grep '\"p'"
+        same text "$vkt histogram $volume --range p1:p99.5 --bins 33 --device \$DEVICE --json"
+        same 0 "$vkt convert $volume --range p1:p99 --dtype uint8 --device \$DEVICE -q"
+        same 0 "$vkt slice $volume --axis y --range p5:p95 --device \$DEVICE -q"
+        same 1e-6 "$vkt clahe $volume --bricks 2,3,1 --range p0.1:p99.9 --device \$DEVICE -q"
+    done
+done
 # Lines and whole volumes, whatever there is in them.
 for type in $types; do
     "$vkt" make noise --dims 61 23 17 --dtype "$type" --high 100 --seed 9 |
         "$vkt" transform 'v>60 && mod(x*y+z, 7)>0 ? v : 0' -q -o "far_$type.vkt"
     case $type in float*) tolerance=1e-3 ;; *) tolerance=1e-9 ;; esac
     for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
-        'project sum --axis y' scan 'scan --exclusive' 'scan --roi 3:,1:,2:' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
+        'project sum --axis y' 'project median --axis x' 'project median --axis y' 'project median --roi 3:,1:,2:' scan 'scan --exclusive' 'scan --roi 3:,1:,2:' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
         label 'label --connectivity 18 --roi 3:,1:,2:' 'label --connectivity 26 --min-size 3 --dtype uint16' fill-holes \
         'fill-holes --connectivity 26 --value 3' 'fill-holes --roi 3:,1:,2:' 'slice --axis y' 'slice --z 3 --range minmax'; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
@@ -285,24 +298,30 @@ refused() {
     fi
 }
 "$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt
-refused stats a_uint8.vkt --percentiles 50
+"$vkt" convert tree.vkt --dtype float64 -o wide.vkt
+"$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
 refused stats a_uint8.vkt --per z
 refused stats tree.vkt
-refused histogram a_uint8.vkt --range p1:p99
 refused label a_uint8.vkt --by-value
-refused project median a_uint8.vkt
-refused slice a_uint8.vkt --range p1:p99
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
 refused diff a_uint8.vkt b_uint8.vkt --ssim
 refused crop tree.vkt --roi 1:5,:,:
-refused resample tree.vkt --method average
+refused resample wide.vkt --method basis
+refused resample wide.vkt --method auto
 
 # Trees to grids: cells as they are, and sums in float32.
 for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \
     '--method basis --roi 10%:90%,5:,:50% --dims 100 90 31' '--method basis --dtype uint16'; do
     case $options in *nearest*) tolerance=0 ;; *uint16*) tolerance=1 ;; *) tolerance=1e-4 ;; esac
     same "$tolerance" "$vkt resample tree.vkt $options --device \$DEVICE -q"
+done
+for options in '' '--scale 0.3' '--scale 1.7' '--dims 3 2 1' '--roi 10%:90%,5:,:50% --dims 100 90 31' '--cells 20000 --background 7'; do
+    same 1e-5 "$vkt resample tree.vkt --method average $options --device \$DEVICE -q"
+    same 1e-12 "$vkt resample wide.vkt --method average $options --device \$DEVICE -q"
+    same 1 "$vkt resample whole.vkt --method average $options --device \$DEVICE -q"
+    same 1e-4 "$vkt resample tree.vkt --method auto $options --device \$DEVICE -q"
+    same 1 "$vkt resample whole.vkt --method auto $options --device \$DEVICE -q"
 done
 
 # Pictures of trees and of labels.

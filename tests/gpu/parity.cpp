@@ -216,7 +216,7 @@ void compare_far() {
                 Twin in(type, box_of(dims), odd ? 5 : 1);
                 randomise(in, 7);
                 if (odd) spoil(in, 29);
-                for (char const* const what : {"max", "min", "mean", "sum", "std"})
+                for (char const* const what : {"max", "min", "mean", "sum", "std", "median"})
                     for (char const* const axis : {"x", "y", "z"}) {
                         // Along rows numbers are summed in another order.
                         bool const sums = what[0] == 's' || std::strcmp(what, "mean") == 0;

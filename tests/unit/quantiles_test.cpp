@@ -29,7 +29,7 @@ std::vector<double> found(std::vector<T> const& values, DataType type, std::int6
         for (std::int64_t z = 0; z < dims.z; z += height) {
             Box const box{{0, 0, z}, {dims.x, dims.y, std::min(z + height, dims.z)}};
             q.add(dense_view(reinterpret_cast<std::byte const*>(values.data() + z * dims.x * dims.y), type, box),
-                  threads);
+                  threads, {});
         }
     } while (q.end_pass());
     EXPECT_LE(passes, 4);
@@ -108,7 +108,7 @@ TEST(Quantiles, LargeIntegersKeepTheirLastDigits) {
         Quantiles q(DataType::int64, {0, 50, 100}, said);
         do
             q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::int64, box_of({2000, 1, 1})),
-                  1);
+                  1, {});
         while (q.end_pass());
         EXPECT_EQ(q.percentile(0).whole, 1700000000000000001);
         EXPECT_EQ(q.percentile(1) - q.percentile(0), 999.5);
@@ -121,7 +121,7 @@ TEST(Quantiles, NotANumberDoesNotCount) {
     values[4] = std::nanf("");
     values[5] = INFINITY;
     Quantiles q(DataType::float32, {50}, 20);
-    q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::float32, box_of({20, 1, 1})), 1);
+    q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::float32, box_of({20, 1, 1})), 1, {});
     EXPECT_FALSE(q.end_pass());
     EXPECT_EQ(q.count(), 18);
     EXPECT_EQ(q.percentile(0).value(), 3);

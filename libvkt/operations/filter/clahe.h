@@ -49,7 +49,7 @@ public:
     bool scans_again() const override { return scans_again_; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
-    bool scans_on_gpu() const override { return !range_.percentiles(); }
+    bool scans_on_gpu() const override { return true; }
     std::vector<std::int64_t*> counters() override { return losses_.counters(); }
     std::vector<Remark> remarks() const override;
     /// For windows from the smallest to the largest value.

@@ -155,9 +155,8 @@ public:
         convert_.run({&slice, 1}, out, execution);
     }
 
-    /// But for percentiles.
-    bool runs_on_gpu() const override { return !range || convert_.runs_on_gpu(); }
-    bool scans_on_gpu() const override { return runs_on_gpu(); }
+    bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     std::vector<std::int64_t*> counters() override { return convert_.counters(); }
     std::vector<Remark> remarks() const override {
         std::vector<Remark> result;

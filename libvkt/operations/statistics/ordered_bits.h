@@ -4,7 +4,6 @@
 
 #include "libvkt/core/half.h"
 
-#include <bit>
 #include <cstdint>
 #include <type_traits>
 
@@ -20,9 +19,9 @@ template <class T>
 inline constexpr OrderedBits<T> top_bit = static_cast<OrderedBits<T>>(OrderedBits<T>{1} << (8 * sizeof(T) - 1));
 
 /// -0 comes with 0, so that equal values have equal bits.
-template <class T> OrderedBits<T> ordered_bits(T value) {
+template <class T> [[gnu::always_inline]] constexpr OrderedBits<T> ordered_bits(T value) {
     using P = OrderedBits<T>;
-    auto const bits = std::bit_cast<P>(value);
+    auto const bits = detail::bits_as<P>(value);
     if constexpr (std::is_integral_v<T>)
         return std::is_signed_v<T> ? static_cast<P>(bits ^ top_bit<T>) : bits;
     else if (bits == top_bit<T>)
@@ -31,16 +30,17 @@ template <class T> OrderedBits<T> ordered_bits(T value) {
         return (bits & top_bit<T>) != 0 ? static_cast<P>(~bits) : static_cast<P>(bits | top_bit<T>);
 }
 
-template <class T> T value_of_ordered(std::uint64_t ordered) {
+template <class T> [[gnu::always_inline]] constexpr T value_of_ordered(std::uint64_t ordered) {
     using P = OrderedBits<T>;
     auto const bits = static_cast<P>(ordered);
     if constexpr (std::is_integral_v<T>)
         return static_cast<T>(std::is_signed_v<T> ? static_cast<P>(bits ^ top_bit<T>) : bits);
     else
-        return std::bit_cast<T>((bits & top_bit<T>) != 0 ? static_cast<P>(bits & ~top_bit<T>) : static_cast<P>(~bits));
+        return detail::bits_as<T>((bits & top_bit<T>) != 0 ? static_cast<P>(bits & ~top_bit<T>)
+                                                           : static_cast<P>(~bits));
 }
 
-template <class T> bool is_finite_voxel(T value) {
+template <class T> [[gnu::always_inline]] constexpr bool is_finite_voxel(T value) {
     if constexpr (std::is_integral_v<T>)
         return true;
     else if constexpr (std::is_same_v<T, Half>)

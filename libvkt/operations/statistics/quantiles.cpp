@@ -4,11 +4,13 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/first_failure.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/host_copy.h"
+#include "libvkt/operations/statistics/kernels/ordered_counts.h"
 #include "libvkt/operations/statistics/ordered_bits.h"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <omp.h>
 #include <type_traits>
 
@@ -37,92 +39,98 @@ std::size_t Quantiles::state_bytes(DataType type, int threads) {
                     static_cast<std::size_t>(most_collected) * sizeof(std::uint64_t));
 }
 
-/// Every thread begins with empty classes, one for every prefix that a target has.
-void Quantiles::begin_pass() {
+OrderedClasses Quantiles::classes() const {
+    return {type_, known_, static_cast<int>(prefixes_.size()), prefixes_.data()};
+}
+
+Quantiles::Share Quantiles::empty_share() const {
     Share share;
-    for (Target const& target : targets_) {
-        bool const is_new = std::none_of(share.classes.begin(), share.classes.end(),
-                                         [&](Class const& c) { return c.prefix == target.prefix; });
-        if (is_new) share.classes.push_back({target.prefix, {}, {}});
-    }
-    if (!collects_)
-        for (Class& c : share.classes) c.counters.resize(std::size_t{1} << std::min(width_, 16));
-    shares_.assign(1, share);
+    if (collects_)
+        share.keys.resize(prefixes_.size());
+    else
+        share.counters = VoxelCounts(classes().counters() * prefixes_.size());
+    return share;
 }
 
-void Quantiles::add(ConstView slab, int threads) {
-    with_type(type_, [&]<class T>(T) { add_rows<T>(slab, threads); });
+/// A class for every prefix that a target has.
+void Quantiles::begin_pass() {
+    prefixes_.clear();
+    for (Target const& target : targets_)
+        if (std::find(prefixes_.begin(), prefixes_.end(), target.prefix) == prefixes_.end())
+            prefixes_.push_back(target.prefix);
+    shares_.clear();
+    shares_.push_back(empty_share());
 }
 
-template <class T> void Quantiles::add_rows(ConstView slab, int threads) {
-    View<T const> const in = slab.as<T>();
-    Box const box = slab.box;
-    Index3 const n = box.dims();
-    threads = static_cast<int>(std::clamp<std::int64_t>(box.voxels() / 65536, 1, std::clamp(threads, 1, most_threads)));
-    while (shares_.size() < static_cast<std::size_t>(threads)) { // later slabs may be larger
-        Share share = shares_.front();
-        for (Class& c : share.classes) {
-            std::fill(c.counters.begin(), c.counters.end(), 0);
-            c.keys.clear();
-        }
-        share.finite = 0;
-        shares_.push_back(std::move(share));
-    }
+void Quantiles::add(ConstView slab, int threads, Execution const& execution) {
+    on_device_ = on_device_ || slab.space == Space::device;
+    threads =
+        static_cast<int>(std::clamp<std::int64_t>(slab.box.voxels() / 65536, 1, std::clamp(threads, 1, most_threads)));
+    if (on_device_) threads = 1;
+    while (shares_.size() < static_cast<std::size_t>(threads))
+        shares_.push_back(empty_share()); // later ones are larger
+    if (!collects_) return add_counts(slab, threads, execution);
+    HostCopy copy; // of a small volume
+    add_keys(copy.of(slab), threads);
+}
+
+void Quantiles::add_counts(ConstView slab, int threads, Execution const& execution) {
+    std::vector<std::uint64_t*> sets;
+    for (int t = 0; t < threads; ++t)
+        sets.push_back(shares_[static_cast<std::size_t>(t)].counters.update(execution.space()));
+    count_ordered(slab, classes(), sets.data(), threads, execution);
+}
+
+void Quantiles::add_keys(ConstView slab, int threads) {
+    Index3 const n = slab.dims();
     constexpr std::int64_t piece = 65536;
     std::int64_t const pieces = (n.x + piece - 1) / piece;
-    FirstFailure failure; // keys that are collected may find no memory
+    FirstFailure failure; // they may find no memory
+    with_type(type_, [&]<class T>(T) {
+        View<T const> const in = slab.as<T>();
+        Box const box = slab.box;
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
-    for (std::int64_t i = 0; i < pieces * n.y * n.z; ++i)
-        failure.catch_from([&] {
-            std::int64_t const x = i % pieces * piece, y = i / pieces % n.y, z = i / pieces / n.y;
-            add_row(&in(box.lower.x + x, box.lower.y + y, box.lower.z + z), std::min(piece, n.x - x),
-                    shares_[static_cast<std::size_t>(threads > 1 ? omp_get_thread_num() : 0)]);
-        });
+        for (std::int64_t i = 0; i < pieces * n.y * n.z; ++i)
+            failure.catch_from([&] {
+                std::int64_t const x = i % pieces * piece, y = i / pieces % n.y, z = i / pieces / n.y;
+                add_keys_of(&in(box.lower.x + x, box.lower.y + y, box.lower.z + z), std::min(piece, n.x - x),
+                            shares_[static_cast<std::size_t>(threads > 1 ? omp_get_thread_num() : 0)]);
+            });
+    });
     failure.rethrow();
 }
 
-template <class T> void Quantiles::add_row(T const* row, std::int64_t n, Share& share) const {
-    constexpr int bits = static_cast<int>(8 * sizeof(T));
-    std::int64_t finite = 0;
-    if (known_ == 0 && !collects_) { // all belong to the one class there is
-        std::int64_t* const counters = share.classes.front().counters.data();
-        for (std::int64_t i = 0; i < n; ++i) {
-            if (!is_finite_voxel(row[i])) continue;
-            ++finite;
-            ++counters[ordered_bits(row[i]) >> std::max(bits - 16, 0)];
-        }
-    } else {
-        int const rest = bits - known_, left = std::max(rest - 16, 0);
-        for (std::int64_t i = 0; i < n; ++i) {
-            if (!is_finite_voxel(row[i])) continue;
-            ++finite;
-            std::uint64_t const key = ordered_bits(row[i]), prefix = known_ == 0 ? 0 : key >> rest;
-            for (Class& c : share.classes) {
-                if (c.prefix != prefix) continue;
-                if (collects_)
-                    c.keys.push_back(key);
-                else
-                    ++c.counters[key >> left & (bins - 1)];
-            }
-        }
+template <class T> void Quantiles::add_keys_of(T const* row, std::int64_t n, Share& share) const {
+    int const rest = width_ - known_;
+    for (std::int64_t i = 0; i < n; ++i) {
+        if (!is_finite_voxel(row[i])) continue;
+        std::uint64_t const key = ordered_bits(row[i]), prefix = known_ == 0 ? 0 : key >> rest;
+        for (std::size_t c = 0; c < prefixes_.size(); ++c)
+            if (prefixes_[c] == prefix) share.keys[c].push_back(key);
     }
-    share.finite += finite;
 }
 
-/// What all threads saw of a class.
-Quantiles::Class Quantiles::merged(std::size_t i) const {
-    Class result = shares_.front().classes[i];
-    for (std::size_t s = 1; s < shares_.size(); ++s) {
-        Class const& other = shares_[s].classes[i];
-        for (std::size_t b = 0; b < result.counters.size(); ++b) result.counters[b] += other.counters[b];
-        result.keys.insert(result.keys.end(), other.keys.begin(), other.keys.end());
+/// What all threads counted of a class.
+std::vector<std::uint64_t> Quantiles::counters_of(std::size_t c) {
+    std::size_t const each = classes().counters();
+    std::vector<std::uint64_t> result(each - 1);
+    for (Share& share : shares_) {
+        auto const own = share.counters.read().subspan(c * each, each - 1);
+        for (std::size_t bin = 0; bin < own.size(); ++bin) result[bin] += own[bin];
     }
     return result;
 }
 
-void Quantiles::place_targets() {
-    count_ = 0;
-    for (Share const& share : shares_) count_ += share.finite;
+/// What all threads kept of a class, in order.
+std::vector<std::uint64_t> Quantiles::keys_of(std::size_t c) const {
+    std::vector<std::uint64_t> result;
+    for (Share const& share : shares_) result.insert(result.end(), share.keys[c].begin(), share.keys[c].end());
+    std::sort(result.begin(), result.end());
+    return result;
+}
+
+void Quantiles::place_targets(std::int64_t count) {
+    count_ = count;
     for (std::size_t i = 0; i < percents_.size() && count_ > 0; ++i) {
         RankedPosition const at = position_in(count_, percents_[i]);
         targets_[2 * i].rank = at.below;
@@ -131,28 +139,29 @@ void Quantiles::place_targets() {
 }
 
 bool Quantiles::end_pass() {
-    if (known_ == 0) place_targets();
-    if (count_ == 0) return false;
-    int const step = std::min(width_ - known_, 16);
+    int const step = classes().next();
     std::vector<Target> const before = targets_;
-    for (std::size_t i = 0; i < shares_.front().classes.size(); ++i) {
-        Class all = merged(i);
-        if (collects_) std::sort(all.keys.begin(), all.keys.end());
+    for (std::size_t c = 0; c < prefixes_.size(); ++c) {
+        std::vector<std::uint64_t> const all = collects_ ? keys_of(c) : counters_of(c);
+        if (known_ == 0) { // there is one class, of all voxels
+            place_targets(static_cast<std::int64_t>(
+                collects_ ? all.size() : std::accumulate(all.begin(), all.end(), std::uint64_t{0})));
+            if (count_ == 0) return false;
+        }
         for (std::size_t t = 0; t < targets_.size(); ++t) {
-            if (before[t].prefix != all.prefix) continue;
+            if (before[t].prefix != prefixes_[c]) continue;
             Target& target = targets_[t];
             if (collects_) {
                 // A file that changes between two passes may lack what was counted.
-                if (all.keys.empty()) throw Error(ErrorKind::data, "the volume changed while it was read");
-                auto const last = static_cast<std::int64_t>(all.keys.size()) - 1;
-                target.prefix = all.keys[static_cast<std::size_t>(std::min(target.rank, last))];
+                if (all.empty()) throw Error(ErrorKind::data, "the volume changed while it was read");
+                target.prefix = all[std::min(static_cast<std::size_t>(target.rank), all.size() - 1)];
                 continue;
             }
             std::size_t bin = 0;
-            while (bin + 1 < all.counters.size() && target.rank >= all.counters[bin])
-                target.rank -= all.counters[bin++];
+            for (; bin + 1 < all.size() && target.rank >= static_cast<std::int64_t>(all[bin]); ++bin)
+                target.rank -= static_cast<std::int64_t>(all[bin]);
             target.prefix = target.prefix << step | bin;
-            target.voxels = all.counters[bin];
+            target.voxels = static_cast<std::int64_t>(all[bin]);
         }
     }
     known_ = collects_ ? width_ : known_ + step;
@@ -160,7 +169,7 @@ bool Quantiles::end_pass() {
     if (known_ == width_) return false;
     std::int64_t voxels = 0; // some may be counted twice
     for (Target const& target : targets_) voxels += target.voxels;
-    collects_ = voxels <= most_collected;
+    collects_ = voxels <= most_collected && !on_device_;
     begin_pass();
     return true;
 }

@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/execution.h"
 #include "libvkt/core/view.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/operations/statistics/voxel_counts.h"
 
 #include <cstdint>
 #include <vector>
@@ -33,6 +35,8 @@ struct RankedPosition {
 RankedPosition position_in(std::int64_t count, double percent);
 StoredValue between(DataType type, StoredValue const& below, StoredValue const& above, double share);
 
+struct OrderedClasses;
+
 /// Finds percentiles of the finite voxels by their order alone: patterns of every type can be arranged to ascend with
 /// the value, and pass by pass 16 more bits of those at the wanted ranks become known. Exact for every distribution,
 /// and independent of the order of the voxels, slabs and threads. One pass for types of 16 bits and for up to 2^21
@@ -42,7 +46,8 @@ public:
     /// `percents` in [0,100]; `voxels`: how many will be added in a pass.
     Quantiles(DataType type, std::vector<double> percents, std::int64_t voxels);
 
-    void add(ConstView slab, int threads);
+    /// With so many threads, if they are a CPU's. Voxels lie in the memory of `execution`.
+    void add(ConstView slab, int threads, Execution const& execution);
     /// After every voxel was added once: true if all must be added once more.
     bool end_pass();
 
@@ -58,31 +63,31 @@ private:
         std::uint64_t prefix = 0; ///< the bits that are known
         std::int64_t voxels = 0;  ///< of its class
     };
-    /// Voxels whose patterns begin with the same known bits.
-    struct Class {
-        std::uint64_t prefix = 0;
-        std::vector<std::int64_t> counters; ///< by the next 16 bits
-        std::vector<std::uint64_t> keys;    ///< all of them, if they are few
-    };
-    /// What one thread sees.
+    /// What one thread sees, class after class: voxels whose patterns begin with the same known bits.
     struct Share {
-        std::vector<Class> classes;
-        std::int64_t finite = 0;
+        VoxelCounts counters;                         ///< of each class, by the next 16 bits
+        std::vector<std::vector<std::uint64_t>> keys; ///< all of each class, if they are few
     };
 
-    template <class T> void add_rows(ConstView slab, int threads);
-    template <class T> void add_row(T const* row, std::int64_t n, Share& share) const;
+    OrderedClasses classes() const;
+    Share empty_share() const;
+    void add_counts(ConstView slab, int threads, Execution const& execution);
+    void add_keys(ConstView slab, int threads);
+    template <class T> void add_keys_of(T const* row, std::int64_t n, Share& share) const;
     void begin_pass();
-    void place_targets();
-    Class merged(std::size_t i) const;
+    void place_targets(std::int64_t count);
+    std::vector<std::uint64_t> counters_of(std::size_t c);
+    std::vector<std::uint64_t> keys_of(std::size_t c) const;
 
     DataType type_;
     int width_; ///< bits of a pattern
     int known_ = 0;
     bool collects_ = false;
     std::vector<double> percents_;
-    std::vector<Target> targets_; ///< two for every percentile
+    std::vector<Target> targets_;         ///< two for every percentile
+    std::vector<std::uint64_t> prefixes_; ///< of the classes
     std::vector<Share> shares_;
+    bool on_device_ = false; ///< voxels were; they stay there, and none are kept
     std::int64_t count_ = 0;
 };
 

@@ -169,7 +169,7 @@ void Statistics::enter_level(Index3 cell_width, Index3 first) {
 void Statistics::add_to_quantiles(ConstView part, Execution const& execution) {
     // Every thread has counters of its own; all together they take no more than an eighth of the budget.
     auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(input_.dtype, 1)));
-    quantiles_->add(part, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)));
+    quantiles_->add(part, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)), execution);
 }
 
 void Statistics::append(Moments const& slice, bool exact) {

@@ -60,9 +60,8 @@ public:
     bool scans_again() const override { return scans_again_; }
     void after_scan(Plan& plan) const override;
     bool uses_position() const override { return false; }
-    /// Percentiles are counted on CPUs.
-    bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
-    bool scans_on_gpu() const override { return runs_on_gpu(); }
+    bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;

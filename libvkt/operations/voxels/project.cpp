@@ -164,6 +164,7 @@ std::size_t Project::fit(Index3 largest, Execution const& execution) {
     if (kind != Projection::median) return 0;
     int const along = static_cast<int>(axis);
     std::size_t const lines = region_.dense() ? 0 : static_cast<std::size_t>(largest.x * largest.y * dims_[along]);
+    if (execution.device == Device::gpu) return 0; // medians are found where the voxels are
     return lines * size_of(type_) +
            median_line_bytes(type_, dims_[along]) * static_cast<std::size_t>(std::max(1, execution.threads));
 }

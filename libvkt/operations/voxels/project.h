@@ -43,8 +43,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override {}
     std::size_t fit(Index3 largest, Execution const& execution) override;
-    /// Medians hold whole lines, and sort them on CPUs.
-    bool runs_on_gpu() const override { return kind != Projection::median && !roi.has_steps(); }
+    bool runs_on_gpu() const override { return !roi.has_steps(); }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override;

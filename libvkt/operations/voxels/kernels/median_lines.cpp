@@ -4,30 +4,17 @@
 #include "libvkt/operations/voxels/kernels/median_lines.h"
 
 #include "libvkt/kernel/kernel.h"
-#include "libvkt/kernel/order.h"
+#include "libvkt/operations/voxels/kernels/median_keys.h"
 #include "libvkt/operations/voxels/kernels/projected_lines.h"
 
 #include <cstring>
 #include <limits>
 #include <memory>
-#include <numeric>
 
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-template <class T> T middle(T a, T b) {
-    if constexpr (std::is_integral_v<T>) {
-        Int128 const sum = static_cast<Int128>(a) + static_cast<Int128>(b);
-        Int128 const low = (sum - (sum & 1)) / 2; // towards the lower one
-        return static_cast<T>((sum & 1) != 0 && (low & 1) != 0 ? low + 1 : low);
-    } else if constexpr (std::is_same_v<T, double>) {
-        return a == b ? a : std::midpoint(a, b);
-    } else {
-        return static_cast<T>((static_cast<double>(a) + static_cast<double>(b)) / 2);
-    }
-}
 
 /// The key of infinity, above which all are NaN; the highest of all for integers.
 template <class K> K highest_number(DataType type) {
@@ -38,16 +25,11 @@ template <class K> K highest_number(DataType type) {
     return key;
 }
 
-/// The pixel of the two keys in the middle, which are the same one of an odd number: their mean as the type has it.
+/// The pixel of the two keys in the middle.
 template <class K> void store_median(DataType type, K lower, K upper, bool odd, std::byte* to) {
-    K const keys[2] = {lower, upper};
     with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
-            K stored[2];
-            T voxels[2];
-            store_keys(type, static_cast<K const*>(keys), reinterpret_cast<std::byte*>(stored), 2);
-            std::memcpy(voxels, stored, sizeof voxels);
-            T const result = odd ? voxels[1] : middle(voxels[0], voxels[1]);
+            T const result = median_of<T>(lower, upper, odd);
             std::memcpy(to, &result, sizeof result);
         }
     });
@@ -160,18 +142,6 @@ private:
     std::int64_t n_;
     std::int8_t* bytes_;
 };
-
-/// Keys as unsigned numbers in the same order.
-template <class K> using UnsignedKey = std::make_unsigned_t<K>;
-template <class K>
-constexpr UnsignedKey<K> key_offset = std::is_signed_v<K>
-                                          ? static_cast<UnsignedKey<K>>(UnsignedKey<K>(1) << (8 * sizeof(K) - 1))
-                                          : UnsignedKey<K>(0);
-template <class K> UnsignedKey<K> unsigned_key(K key) {
-    return static_cast<UnsignedKey<K>>(static_cast<UnsignedKey<K>>(key) ^ key_offset<K>);
-}
-
-template <class K> K key_of(UnsignedKey<K> key) { return static_cast<K>(key ^ key_offset<K>); }
 
 /// Medians of lines. Returns how many voxels are NaN.
 template <class K>

@@ -6,10 +6,10 @@
 
 namespace vkt {
 
-/// Memory of a thread.
+/// Memory of a CPU's thread.
 std::size_t median_line_bytes(DataType type, std::int64_t n);
 /// Medians along an axis, of which `in` has all; NaN is left out and counted.
-VKT_CPU_KERNEL(median_lines, (ConstView in, AnyView out, int axis, std::int64_t& nan, Execution const& execution),
-               (in, out, axis, nan, execution))
+VKT_KERNEL(median_lines, (ConstView in, AnyView out, int axis, std::int64_t& nan, Execution const& execution),
+           (in, out, axis, nan, execution))
 
 } // namespace vkt
