@@ -1,4 +1,4 @@
-// vkt affine: see libvkt/operations/resample/affine.h.
+// vkt affine: see libvkt/operations/resample/affine.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

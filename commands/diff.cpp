@@ -1,4 +1,4 @@
-// vkt diff: see libvkt/operations/statistics/diff.h.
+// vkt diff: see libvkt/operations/statistics/diff.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -1,4 +1,4 @@
-// vkt dump-range: see libvkt/operations/statistics/dump.h.
+// vkt dump-range: see libvkt/operations/statistics/dump.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

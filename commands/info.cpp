@@ -1,4 +1,4 @@
-// vkt info: see libvkt/operations/statistics/info.h.
+// vkt info: see libvkt/operations/statistics/info.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

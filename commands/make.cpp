@@ -1,4 +1,4 @@
-// vkt make: see libvkt/operations/voxels/make.h and make_amr.h.
+// vkt make: see libvkt/operations/voxels/make.h and libvkt/operations/trees/make_amr.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

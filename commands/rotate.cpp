@@ -1,4 +1,4 @@
-// vkt rotate: see libvkt/operations/resample/rotate.h.
+// vkt rotate: see libvkt/operations/resample/rotate.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

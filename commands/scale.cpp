@@ -1,4 +1,4 @@
-// vkt scale: see libvkt/operations/resample/scale.h.
+// vkt scale: see libvkt/operations/resample/scale.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

@@ -1,4 +1,4 @@
-// vkt stats: see libvkt/operations/statistics/stats.h.
+// vkt stats: see libvkt/operations/statistics/stats.cpp.
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 

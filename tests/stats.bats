@@ -501,6 +501,14 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     fails_with 3 "fewer volumes than the input" vkt stats two.vkt --mask <(vkt read ma.nrrd)
 }
 
+@test "a whole axis of a tree that was cropped is what is left of it" {
+    vkt make amr --blocks 200 | vkt crop --roi 10:100,20:90,0:200 -o part.vkt
+    left=$(vkt stats part.vkt --json)
+    [ "$(vkt stats part.vkt --roi :,:,: --json)" = "$left" ]
+    [ "$(vkt stats part.vkt --roi 10:100,20:90,0:200 --json)" = "$left" ]
+    [ "$(vkt stats part.vkt --roi 10:100,:,30:70 --json)" = "$(vkt stats part.vkt --roi :,20:90,30:70 --json)" ]
+}
+
 @test "steps in a region: stats, histogram and diff look at every n-th voxel, as behind crop, and name its place in the whole" {
     python_with numpy
     for dtype in uint8 int16 float32; do

@@ -554,8 +554,8 @@ def texts(b):
 
         b.row(name, run)
 
-    row("lines of threshold", ("voxels/threshold.cpp", "voxels/threshold.h", "voxels/kernels/threshold.cpp", "voxels/kernels/threshold.h"), 60)
-    row("lines of median", ("filter/median.cpp", "filter/median.h", "filter/kernels/median.cpp", "filter/kernels/median.h"), 120)
+    row("lines of threshold", ("voxels/threshold.cpp", "voxels/kernels/threshold.cpp", "voxels/kernels/threshold.h"), 60)
+    row("lines of median", ("filter/median.cpp", "filter/kernels/median.cpp", "filter/kernels/median.h"), 120)
 
 
 def main():

@@ -1,15 +1,33 @@
-// Rotate: matrices of angles and quaternions.
+// Rotate: a volume, or a region of it, turned about a point.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/resample/rotate.h"
-
 #include "libvkt/core/text.h"
+#include "libvkt/operations/resample/affine_transform.h"
 
 #include <array>
 #include <cmath>
 
 namespace vkt {
 
-VKT_OPERATION(Rotate, "rotate")
+/// "x", "y", "z" or "X,Y,Z": a direction along the volume's own axes.
+struct TurnAxis {
+    Vec3 direction{0, 0, 1};
+};
+
+template <> struct ValueText<TurnAxis> : OneWord {
+    static TurnAxis read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(TurnAxis v);
+};
+
+/// "X,Y,Z,W": cos(angle / 2) = W, the axis times sin(angle / 2) = X,Y,Z, up to a common factor.
+struct Quaternion {
+    Vec3 vector;
+    double scalar = 1;
+};
+
+template <> struct ValueText<Quaternion> : OneWord {
+    static Quaternion read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(Quaternion v);
+};
 
 namespace {
 
@@ -87,6 +105,7 @@ TurnAxis ValueText<TurnAxis>::read(std::vector<std::string> const& w, std::strin
     if (v[0] == 0 && v[1] == 0 && v[2] == 0) throw Error(ErrorKind::usage, text(name, ": 0,0,0 is no direction"));
     return {{v[0], v[1], v[2]}};
 }
+
 std::vector<std::string> ValueText<TurnAxis>::write(TurnAxis v) { return ValueText<Vec3>::write(v.direction); }
 
 Quaternion ValueText<Quaternion>::read(std::vector<std::string> const& w, std::string_view name) {
@@ -95,64 +114,88 @@ Quaternion ValueText<Quaternion>::read(std::vector<std::string> const& w, std::s
         throw Error(ErrorKind::usage, text(name, ": 0,0,0,0 is no rotation"));
     return {{v[0], v[1], v[2]}, v[3]};
 }
+
 std::vector<std::string> ValueText<Quaternion>::write(Quaternion v) {
     return {text(v.vector.x, ",", v.vector.y, ",", v.vector.z, ",", v.scalar)};
 }
 
-Texts Rotate::texts() const {
-    return {
-        "Turn a volume, or a region of it, about an axis.",
-        "A positive angle turns the content counter-clockwise for who looks from the tip of the axis towards the "
-        "origin: about z from x to y. Axes are the volume's own; unequal spacings distort nothing. The grid stays, "
-        "unless --expand or --like asks for another; quarter turns that put voxels on voxels move bytes."
-        "\n\n"
-        "Accuracy: nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a "
-        "bound for their rounding, which --explain prints. Integers are rounded to the nearest, ties to even.",
-        {{"By 30 degrees about z, all of it kept",
-          "vkt rotate volume.nrrd --axis z --angle 30 --expand -o turned.nrrd"},
-         {"A region turned in place", "vkt rotate volume.nrrd --roi 25%:75%,25%:75%,: --angle 45 -o region.nrrd"},
-         {"A quarter turn is exact",
-          "vkt rotate volume.nrrd --angle 90 --expand | vkt rotate --angle -90 --expand | vkt diff volume.nrrd -"}}};
-}
+namespace {
 
-void Rotate::parameters(Parameters& p) {
-    p.option("axis", axis_, "AXIS", "x, y, z (default) or a direction X,Y,Z along the volume's axes");
-    p.option("angle", angle_, "DEGREES", "angle about --axis, counter-clockwise seen from its tip");
-    p.option("euler", euler_, "A,B,C", "angles in degrees about x, then y, then z, all axes fixed");
-    p.option("quaternion", quaternion_, "X,Y,Z,W", "the rotation as a quaternion, the scalar last");
-    p.option("about", about_, "X,Y,Z",
-             "the point that stays, in voxels; 0,0,0 is the centre of the first (the middle)");
-    sampling_parameters(p);
-}
-
-void Rotate::check() const {
-    AffineTransform::check();
-    int const given = (angle_ ? 1 : 0) + (euler_ ? 1 : 0) + (quaternion_ ? 1 : 0);
-    if (given == 0) throw Error(ErrorKind::usage, "by how much?", "say for example --axis z --angle 30");
-    if (given > 1) throw Error(ErrorKind::usage, "only one of --angle, --euler and --quaternion can be followed");
-    if (axis_ && !angle_) throw Error(ErrorKind::usage, "--axis goes with --angle");
-    if (angle_ && !std::isfinite(*angle_)) throw Error(ErrorKind::usage, text("--angle: ", *angle_, " is not finite"));
-    for (int a = 0; a < 3; ++a) {
-        if (euler_ && !std::isfinite((*euler_)[a])) throw Error(ErrorKind::usage, "--euler: not finite");
-        if (about_ && !std::isfinite((*about_)[a])) throw Error(ErrorKind::usage, "--about: not finite");
+/// Turns the content of a volume about its middle, or another point, by the right hand: a positive angle turns counter-
+/// clockwise for who looks at the origin from the tip of the axis. Axes are the volume's own, lengths along them world
+/// units, so that nothing is distorted by unequal spacings. Angles in degrees; those of quarter turns are exact.
+class Rotate : public AffineTransform {
+public:
+    std::string_view name() const override { return "rotate"; }
+    Texts texts() const override {
+        return {
+            "Turn a volume, or a region of it, about an axis.",
+            "A positive angle turns the content counter-clockwise for who looks from the tip of the axis towards the "
+            "origin: about z from x to y. Axes are the volume's own; unequal spacings distort nothing. The grid stays, "
+            "unless --expand or --like asks for another; quarter turns that put voxels on voxels move bytes."
+            "\n\n"
+            "Accuracy: nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums "
+            "with a bound for their rounding, which --explain prints. Integers are rounded to the nearest, ties to "
+            "even.",
+            {{"By 30 degrees about z, all of it kept",
+              "vkt rotate volume.nrrd --axis z --angle 30 --expand -o turned.nrrd"},
+             {"A region turned in place", "vkt rotate volume.nrrd --roi 25%:75%,25%:75%,: --angle 45 -o region.nrrd"},
+             {"A quarter turn is exact", "vkt rotate volume.nrrd --angle 90 --expand | vkt rotate --angle -90 --expand "
+                                         "| vkt diff volume.nrrd -"}}};
     }
-}
 
-Affine Rotate::source_map(Moved const& moved) const {
-    Matrix m = quaternion_ ? of_quaternion(*quaternion_)
-                           : about_axis(axis_.value_or(TurnAxis{}).direction, angle_.value_or(0));
-    if (euler_)
-        m = product(about_axis({0, 0, 1}, euler_->z),
-                    product(about_axis({0, 1, 0}, euler_->y), about_axis({1, 0, 0}, euler_->x)));
-    // The inverse is the transpose; from voxels to lengths and back.
-    Affine map;
-    Vec3 const spacing = moved.header.geometry.spacing, stays = fixed_point(about_, moved);
-    for (int a = 0; a < 3; ++a)
-        for (int b = 0; b < 3; ++b)
-            map.column[static_cast<std::size_t>(a)][b] =
-                m[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)] * (spacing[a] / spacing[b]);
-    map.offset = stays - map(stays);
-    return map;
-}
+    void parameters(Parameters& p) override {
+        p.option("axis", axis_, "AXIS", "x, y, z (default) or a direction X,Y,Z along the volume's axes");
+        p.option("angle", angle_, "DEGREES", "angle about --axis, counter-clockwise seen from its tip");
+        p.option("euler", euler_, "A,B,C", "angles in degrees about x, then y, then z, all axes fixed");
+        p.option("quaternion", quaternion_, "X,Y,Z,W", "the rotation as a quaternion, the scalar last");
+        p.option("about", about_, "X,Y,Z",
+                 "the point that stays, in voxels; 0,0,0 is the centre of the first (the middle)");
+        sampling_parameters(p);
+    }
+
+    void check() const override {
+        AffineTransform::check();
+        int const given = (angle_ ? 1 : 0) + (euler_ ? 1 : 0) + (quaternion_ ? 1 : 0);
+        if (given == 0) throw Error(ErrorKind::usage, "by how much?", "say for example --axis z --angle 30");
+        if (given > 1) throw Error(ErrorKind::usage, "only one of --angle, --euler and --quaternion can be followed");
+        if (axis_ && !angle_) throw Error(ErrorKind::usage, "--axis goes with --angle");
+        if (angle_ && !std::isfinite(*angle_))
+            throw Error(ErrorKind::usage, text("--angle: ", *angle_, " is not finite"));
+        for (int a = 0; a < 3; ++a) {
+            if (euler_ && !std::isfinite((*euler_)[a])) throw Error(ErrorKind::usage, "--euler: not finite");
+            if (about_ && !std::isfinite((*about_)[a])) throw Error(ErrorKind::usage, "--about: not finite");
+        }
+    }
+
+protected:
+    Affine source_map(Moved const& moved) const override {
+        Matrix m = quaternion_ ? of_quaternion(*quaternion_)
+                               : about_axis(axis_.value_or(TurnAxis{}).direction, angle_.value_or(0));
+        if (euler_)
+            m = product(about_axis({0, 0, 1}, euler_->z),
+                        product(about_axis({0, 1, 0}, euler_->y), about_axis({1, 0, 0}, euler_->x)));
+        // The inverse is the transpose; from voxels to lengths and back.
+        Affine map;
+        Vec3 const spacing = moved.header.geometry.spacing, stays = fixed_point(about_, moved);
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b)
+                map.column[static_cast<std::size_t>(a)][b] =
+                    m[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)] * (spacing[a] / spacing[b]);
+        map.offset = stays - map(stays);
+        return map;
+    }
+
+private:
+    std::optional<TurnAxis> axis_;
+    std::optional<double> angle_;
+    std::optional<Vec3> euler_;
+    std::optional<Quaternion> quaternion_;
+    std::optional<Vec3> about_;
+};
+
+} // namespace
+
+VKT_OPERATION(Rotate, "rotate")
 
 } // namespace vkt

@@ -6,6 +6,7 @@
 #include "libvkt/core/half.h"
 #include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
+#include "libvkt/kernel/closed_range.h"
 
 #include <algorithm>
 #include <bit>
@@ -37,9 +38,8 @@ template <class T> Inside bound(double level, bool from) {
     } else if constexpr (std::is_same_v<T, double>) {
         at = level;
     } else {
-        at = static_cast<float>(level); // halves are compared as floats
-        if (from && static_cast<double>(at) < level) at = std::nextafter(at, std::numeric_limits<float>::infinity());
-        if (!from && static_cast<double>(at) > level) at = std::nextafter(at, -std::numeric_limits<float>::infinity());
+        // Halves are compared as floats.
+        at = from ? VKT_BACKEND::least_from<float>(level) : VKT_BACKEND::greatest_to<float>(level);
     }
     std::memcpy(inside.at.data(), static_cast<void const*>(&at), sizeof at);
     return inside;

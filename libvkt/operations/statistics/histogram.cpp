@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/histogram.h"
 
-#include "libvkt/amr/reconstruct.h"
 #include "libvkt/amr/tree.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/io/whole_text.h"
@@ -222,17 +221,10 @@ Report Histogram::report() const {
         .write_as(ReportForm::csv, to_csv(result_));
 }
 
-Box Histogram::region_in(Header const& in) const {
-    bool const tree = in.kind == Kind::hierarchical;
-    return roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
-           : tree      ? resolve_in_tree(roi, in)
-                       : roi.resolve(in.dims);
-}
-
 Plan Histogram::plan(std::span<Header const> inputs) const {
     check();
     Header const& in = inputs.front();
-    static_cast<void>(region_in(in)); // or it is refused
+    static_cast<void>(LevelRegion(roi, in)); // or it is refused
     RangeScan const ends(range_, in);
     if (!range_.depends()) static_cast<void>(bins_between(ends, in)); // the same
     bool const small = size_of(in.dtype) <= 2, by_pattern = range_.depends() && small;
@@ -250,7 +242,7 @@ Plan Histogram::plan(std::span<Header const> inputs) const {
 void Histogram::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs.front();
     bool const tree = input_.kind == Kind::hierarchical;
-    region_ = finest_region_ = region_in(input_);
+    region_ = {roi, input_};
     background_ = tree ? stored_background(input_) : std::nullopt;
     levels_.clear();
     counts_ = tree ? nullptr : &levels_[1];
@@ -264,13 +256,13 @@ void Histogram::begin(std::span<Header const> inputs, Plan const&) {
 }
 
 void Histogram::enter_level(Index3 cell_width, Index3 first) {
-    region_ = cells_centred_in({finest_region_.lower - first, finest_region_.upper - first}, cell_width);
+    region_.enter_level(cell_width, first);
     counts_ = &levels_[static_cast<double>(cell_width.x) * static_cast<double>(cell_width.y) *
                        static_cast<double>(cell_width.z)];
 }
 
 void Histogram::scan(ConstView slab, Execution const& execution) {
-    Box const box = uses_position() || input_.kind == Kind::structured ? intersect(slab.box, region_) : slab.box;
+    Box const box = uses_position() || input_.kind == Kind::structured ? intersect(slab.box, region_.box()) : slab.box;
     if (box.empty()) return;
     ConstView const part = slab.part(box);
     count(background_ ? without_background(part, *background_, foreground_) : part, execution);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/stepped_region.h"
 #include "libvkt/operations/statistics/bins.h"
 #include "libvkt/operations/statistics/range_option.h"
@@ -64,8 +65,8 @@ public:
     void begin(std::span<Header const> inputs, Plan const& plan) override;
     Header const& header() const { return input_; } ///< of the volume just counted
     void enter_level(Index3 cell_width, Index3 first) override;
-    bool uses_position() const override { return !(finest_region_ == box_of(input_.dims)); }
-    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
+    bool uses_position() const override { return !(region_.finest() == box_of(input_.dims)); }
+    Box scanned(Box const& whole) const override { return intersect(whole, region_.box()); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
@@ -75,7 +76,6 @@ public:
     HistogramResult const& result() const { return result_; }
 
 private:
-    Box region_in(Header const& in) const;
     Bins bins_between(RangeScan const& ends, Header const& in) const;
     void finish();
     void count(ConstView cells, Execution const& execution);
@@ -85,7 +85,7 @@ private:
     RangeOption range_{{true, Number(0)}, {true, Number(100)}};
 
     Header input_;
-    Box finest_region_, region_;
+    LevelRegion region_;
     std::optional<double> background_;
     std::optional<RangeScan> ends_;
     bool range_known_ = false, scans_again_ = false;

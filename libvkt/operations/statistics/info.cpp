@@ -1,17 +1,21 @@
-// Info: headers as reports.
+// What is known about a volume without its voxels: the header, and what a tree consists of.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/statistics/info.h"
-
 #include "libvkt/amr/reconstruct.h"
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/operation.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
 
 #include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace vkt {
+
 namespace {
 
 /// What there is to say about a volume.
@@ -116,81 +120,99 @@ std::string promised_format(std::string const& format, std::string const& name, 
 
 bool lists_variables(Header const& header) { return header.attributes.count("variables") > 0; }
 
+/// Reports the header of each volume; of hierarchical ones also bricks and cells by level.
+class Info : public Operation {
+public:
+    std::vector<std::string> files;
+    bool head = false; ///< only of the first volume, of which nothing more is read
+
+    std::string_view name() const override { return "info"; }
+    Texts texts() const override {
+        return {"Print what the header of a volume says: dims, type, geometry, attributes, history.",
+                "Of files only headers are read. A stream is read to its end, which lists every volume and proves that "
+                "all of\n"
+                "it is whole; --head stops after the first header, and the command before is cut off."
+                "\n\n"
+                "Accuracy: Exact.",
+                {{"A file", "vkt info volume.nrrd"},
+                 {"Several, by name", "vkt flip x volume.nrrd -o flipped.mha && vkt info volume.nrrd flipped.mha"},
+                 {"For scripts", "vkt info volume.nrrd --json"},
+                 {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}};
+    }
+
+    Shape shape() const override { return Shape::reduction; }
+    int inputs() const override { return static_cast<int>(input_names().size()); }
+    std::vector<std::string> input_names() const override {
+        return files.empty() ? std::vector<std::string>{"-"} : files;
+    }
+    void parameters(Parameters& p) override {
+        p.positional("in", files, "inputs: files of any known format, a stream, or '-' (the default)").optional();
+        p.flag("head", head, "only the first volume: what comes after its header is not read, nor proven whole");
+    }
+
+    Plan plan(std::span<Header const> inputs) const override {
+        Plan plan;
+        plan.output = inputs.front();
+        plan.cost = 0;
+        return plan;
+    }
+
+    void run(std::span<ConstView const>, AnyView, Execution const&) override {}
+    void measure(Measurement& to) override {
+        auto const names = input_names();
+        for (std::size_t i = 0; i < names.size(); ++i)
+            to.attempt(names.size(), [&] { measure_input(*to.inputs[i], names[i], to); });
+    }
+
+private:
+    void measure_input(Source& source, std::string const& name, Measurement& to) {
+        file_ = 0;
+        std::string opened, promised;
+        while (source.next_volume()) {
+            // Of a series each file is opened when it is its turn.
+            std::string const now = to.info.format ? to.info.format(name) : "";
+            if (now != opened) promised = promised_format(now, name, to.info);
+            opened = now;
+            Description volume{files.size() > 1 && to.named ? name : "", source.header(), now, promised,
+                               source.not_read()};
+            Header& header = volume.header;
+            header.timing = false;
+            bool const planned = header.dry_run;
+            if (planned) source.finish();
+            bool const has_bricks = header.kind == Kind::hierarchical && !planned && !head;
+            // A file of several variables says this for all of them among its attributes.
+            if (has_bricks && !lists_variables(header))
+                volume.tree = summarise(header.dims, source.take_bricks().bricks());
+            else if (has_bricks && to.form == ReportForm::json && !now.empty() && now != "vkt")
+                volume.tree = tree_of_next_file(name, to.execution);
+            to.report(report_of(volume));
+            if (head) break;
+        }
+    }
+
+    /// Of the next input file that holds several variables: they share one tree, whose bricks come with any of them.
+    std::optional<TreeSummary> tree_of_next_file(std::string const& name, Execution const& execution) {
+        ReadOptions options;
+        options.memory = execution.memory;
+        auto const matching = matching_files(name == "-" ? "/dev/stdin" : name);
+        while (file_ < matching.size()) {
+            std::string const& file = matching[file_++];
+            auto const listed = open_volume(open_bytes(file), options);
+            if (!listed->next_volume() || !lists_variables(listed->header())) continue;
+            constexpr std::string_view before = "variable ";
+            auto const first = listed->header().attributes.lower_bound(std::string(before));
+            options.variable = first->first.substr(before.size());
+            auto const chosen = open_volume(open_bytes(file), options);
+            chosen->next_volume();
+            return summarise(chosen->header().dims, chosen->take_bricks().bricks());
+        }
+        return {};
+    }
+
+    std::size_t file_ = 0; ///< of an input, the next to look for a tree in
+};
+
 } // namespace
-
-Texts Info::texts() const {
-    return {"Print what the header of a volume says: dims, type, geometry, attributes, history.",
-            "Of files only headers are read. A stream is read to its end, which lists every volume and proves that all "
-            "of\n"
-            "it is whole; --head stops after the first header, and the command before is cut off."
-            "\n\n"
-            "Accuracy: Exact.",
-            {{"A file", "vkt info volume.nrrd"},
-             {"Several, by name", "vkt flip x volume.nrrd -o flipped.mha && vkt info volume.nrrd flipped.mha"},
-             {"For scripts", "vkt info volume.nrrd --json"},
-             {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}};
-}
-
-void Info::parameters(Parameters& p) {
-    p.positional("in", files, "inputs: files of any known format, a stream, or '-' (the default)").optional();
-    p.flag("head", head, "only the first volume: what comes after its header is not read, nor proven whole");
-}
-
-Plan Info::plan(std::span<Header const> inputs) const {
-    Plan plan;
-    plan.output = inputs.front();
-    plan.cost = 0;
-    return plan;
-}
-
-void Info::measure(Measurement& to) {
-    auto const names = input_names();
-    for (std::size_t i = 0; i < names.size(); ++i)
-        to.attempt(names.size(), [&] { measure_input(*to.inputs[i], names[i], to); });
-}
-
-void Info::measure_input(Source& source, std::string const& name, Measurement& to) {
-    file_ = 0;
-    std::string opened, promised;
-    while (source.next_volume()) {
-        // Of a series each file is opened when it is its turn.
-        std::string const now = to.info.format ? to.info.format(name) : "";
-        if (now != opened) promised = promised_format(now, name, to.info);
-        opened = now;
-        Description volume{files.size() > 1 && to.named ? name : "", source.header(), now, promised, source.not_read()};
-        Header& header = volume.header;
-        header.timing = false;
-        bool const planned = header.dry_run;
-        if (planned) source.finish();
-        bool const has_bricks = header.kind == Kind::hierarchical && !planned && !head;
-        // A file of several variables says this for all of them among its attributes.
-        if (has_bricks && !lists_variables(header))
-            volume.tree = summarise(header.dims, source.take_bricks().bricks());
-        else if (has_bricks && to.form == ReportForm::json && !now.empty() && now != "vkt")
-            volume.tree = tree_of_next_file(name, to.execution);
-        to.report(report_of(volume));
-        if (head) break;
-    }
-}
-
-/// Of the next input file that holds several variables: they share one tree, whose bricks come with any of them.
-std::optional<TreeSummary> Info::tree_of_next_file(std::string const& name, Execution const& execution) {
-    ReadOptions options;
-    options.memory = execution.memory;
-    auto const matching = matching_files(name == "-" ? "/dev/stdin" : name);
-    while (file_ < matching.size()) {
-        std::string const& file = matching[file_++];
-        auto const listed = open_volume(open_bytes(file), options);
-        if (!listed->next_volume() || !lists_variables(listed->header())) continue;
-        constexpr std::string_view before = "variable ";
-        auto const first = listed->header().attributes.lower_bound(std::string(before));
-        options.variable = first->first.substr(before.size());
-        auto const chosen = open_volume(open_bytes(file), options);
-        chosen->next_volume();
-        return summarise(chosen->header().dims, chosen->take_bricks().bricks());
-    }
-    return {};
-}
 
 VKT_OPERATION(Info, "info")
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/statistics.h"
 
-#include "libvkt/amr/reconstruct.h"
+#include "libvkt/amr/tree.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/kernel/host_copy.h"
 #include "libvkt/operations/common/foreground.h"
@@ -104,11 +104,6 @@ void Statistics::parameters(Parameters& p) {
     p.option("percentiles", percents_, "P,P...", "also the values below which these per cents of the finite ones lie");
 }
 
-Box Statistics::region_in(Header const& in) const {
-    if (!roi.empty()) return roi.resolve(in.dims);
-    return in.kind == Kind::hierarchical ? region_of(in) : box_of(in.dims);
-}
-
 std::vector<double> PercentList::of_stored(ValueMap const& map) const {
     std::vector<double> stored = values;
     for (double& percent : stored) percent = map.slope < 0 ? 100 - percent : percent;
@@ -122,13 +117,13 @@ Percentile percentile_of(double percent, StoredValue const& stored, ValueMap con
 
 std::optional<Quantiles> Statistics::quantiles_for(Header const& in) const {
     if (!percentiles()) return std::nullopt;
-    std::int64_t const cells = in.kind == Kind::hierarchical ? in.cell_count : region_in(in).voxels();
+    std::int64_t const cells = in.kind == Kind::hierarchical ? in.cell_count : roi.resolve(in.dims).voxels();
     return Quantiles(in.dtype, percents_.of_stored(in.values), cells);
 }
 
 Plan Statistics::plan(std::span<Header const> inputs) const {
     Header const& in = inputs.front();
-    static_cast<void>(region_in(in)); // or it is refused
+    static_cast<void>(LevelRegion(roi, in)); // or it is refused
     Plan plan;
     plan.output = in;
     if (percentiles()) {
@@ -146,7 +141,7 @@ Plan Statistics::plan(std::span<Header const> inputs) const {
 
 void Statistics::begin(std::span<Header const> inputs, Plan const&) {
     input_ = inputs.front();
-    region_ = finest_region_ = region_in(input_);
+    region_ = {roi, input_};
     width_ = {1, 1, 1};
     first_cell_ = {};
     background_ = input_.kind == Kind::hierarchical ? stored_background(input_) : std::nullopt;
@@ -165,7 +160,7 @@ void Statistics::begin(std::span<Header const> inputs, Plan const&) {
 void Statistics::enter_level(Index3 cell_width, Index3 first) {
     width_ = cell_width;
     first_cell_ = first;
-    region_ = cells_centred_in({finest_region_.lower - first, finest_region_.upper - first}, cell_width);
+    region_.enter_level(cell_width, first);
     double const cell = volume_of(cell_width);
     level_ = &levels_[cell];
     level_->cell = cell;
@@ -189,7 +184,7 @@ void Statistics::append(SliceStatistics const& slice) {
 }
 
 void Statistics::scan(ConstView slab, Execution const& execution) {
-    Box const box = intersect(slab.box, region_);
+    Box const box = intersect(slab.box, region_.box());
     if (box.empty()) return;
     ConstView const part = slab.part(box);
     if (background_) return scan_foreground(part, execution);
@@ -202,7 +197,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     slices_.assign(static_cast<std::size_t>(n.z), {});
     // Of a slice that comes in pieces, its first bands were seen before.
     bool const grid = input_.kind == Kind::structured;
-    if (grid && box.lower.y > region_.lower.y) {
+    if (grid && box.lower.y > region_.box().lower.y) {
         slices_.front() = slice_;
         slices_.front().range = {};
     }
@@ -226,7 +221,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
             slice.upper.z = slice.lower.z + 1;
             merge_extremes(part.part(slice), slices_[z].range);
         }
-    if (grid && box.upper.y < region_.upper.y)
+    if (grid && box.upper.y < region_.box().upper.y)
         slice_ = slices_.front();
     else
         for (SliceStatistics const& slice : slices_) append(slice);

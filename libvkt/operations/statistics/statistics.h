@@ -6,6 +6,7 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/kernel/host_device.h"
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/statistics/quantiles.h"
 
 #include <algorithm>
@@ -230,7 +231,7 @@ public:
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
     void enter_level(Index3 cell_width, Index3 first) override;
-    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
+    Box scanned(Box const& whole) const override { return intersect(whole, region_.box()); }
     std::int64_t scan_step(Index3 part) const override { return rows_in_band(part, input_.dtype); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
@@ -249,7 +250,6 @@ private:
         double cell = 1;
         Moments moments;
     };
-    Box region_in(Header const& in) const;
     std::optional<Quantiles> quantiles_for(Header const& in) const;
     void append(SliceStatistics const& slice);
     void append(Moments const& slice, bool exact);
@@ -268,8 +268,7 @@ private:
     std::optional<Quantiles> quantiles_;
     bool first_pass_ = true, scans_again_ = false;
     Header input_;
-    Box finest_region_;
-    Box region_;                        ///< in voxels, or in cells of the level
+    LevelRegion region_;
     Index3 width_{1, 1, 1};             ///< of a cell, in finest cells
     Index3 first_cell_;                 ///< where the level's first cell begins, in finest cells
     std::optional<double> background_;  ///< stored value of cells that are not counted

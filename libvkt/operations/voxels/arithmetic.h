@@ -4,7 +4,7 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
-
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/number.h"
 #include "libvkt/operations/common/remarks.h"
 
@@ -51,6 +51,12 @@ template <> struct EnumNames<ArithmeticOp> {
 };
 /// Volumes and numbers that an operation takes.
 int operand_count(ArithmeticOp op);
+/// Yields fractions.
+inline bool is_function(ArithmeticOp op) {
+    return op == ArithmeticOp::pow || op == ArithmeticOp::sqrt || op == ArithmeticOp::exp || op == ArithmeticOp::log;
+}
+/// Yields 0 or 1.
+inline bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
 
 /// Voxel by voxel; dims and geometry must agree. Results are of physical values, in double precision step by step,
 /// where there are value maps; two volumes with equal ones keep the map, and are combined in stored values where that
@@ -81,7 +87,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
-    void enter_level(Index3 cell_width, Index3 first) override;
+    void enter_level(Index3 cell_width, Index3 first) override { inside_.enter_level(cell_width, first); }
     bool uses_position() const override { return !roi.empty(); }
     /// Where results are computed once more exactly only CPUs do that.
     bool runs_on_gpu() const override { return !choice_.settles; }
@@ -92,10 +98,7 @@ public:
 private:
     enum class Algorithm : std::uint8_t { in_float, in_double, in_integers };
     struct Operand;
-    bool keeps_first() const {
-        return !roi.empty() && !(op >= ArithmeticOp::gt && op <= ArithmeticOp::not_) && op != ArithmeticOp::where;
-    }
-    Box region_in(Index3 dims) const { return roi.empty() ? box_of(dims) : roi.resolve(dims); }
+    bool keeps_first() const { return !roi.empty() && !is_predicate(op) && op != ArithmeticOp::where; }
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
     /// In which values, and as what, results are computed.
@@ -117,10 +120,11 @@ private:
     void keep(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
     ArithmeticTask task() const;
     void compute(std::span<ConstView const> inputs, AnyView out, Execution const& execution);
+    /// What becomes of the values and errors of the inputs goes into the plan.
     void pass(std::span<Header const> inputs, Choice const& choice, Plan& plan) const;
 
     Choice choice_;
-    Box box_, finest_; ///< the region in cells of the level, and as given
+    LevelRegion inside_;
     std::int64_t voxels_ = 0;
     Losses counts_;
 };

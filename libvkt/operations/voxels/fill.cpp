@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/fill.h"
 
-#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/beside.h"
 #include "libvkt/operations/common/remarks.h"
@@ -51,7 +50,7 @@ Number Fill::stored_in(Header const& in) const {
 
 Plan Fill::plan(std::span<Header const> inputs) const {
     Header const& in = inputs[0];
-    static_cast<void>(region_in(in.dims)); // or it is refused
+    static_cast<void>(LevelRegion(region(), in)); // or it is refused
     Number const stored = stored_in(in);
     Plan plan;
     plan.output = in;
@@ -66,19 +65,15 @@ Plan Fill::plan(std::span<Header const> inputs) const {
 
 void Fill::begin(std::span<Header const> inputs, Plan const&) {
     Header const& in = inputs[0];
-    box_ = finest_ = region_in(in.dims);
+    inside_ = {region(), in};
     filled_ = 0;
     physical_ = value_in(in);
     stored_ = stored_in(in);
     type_ = in.dtype;
 }
 
-void Fill::enter_level(Index3 cell_width, Index3 first) {
-    box_ = cells_centred_in({finest_.lower - first, finest_.upper - first}, cell_width);
-}
-
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = uses_position() ? intersect(out.box, box_) : out.box;
+    Box const inside = inside_.part_of(out.box);
     for_each_beside(out.box, inside,
                     [&](Box const& box) { copy_region(inputs[0].part(box), out.part(box), execution); });
     filled_ += inside.voxels();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/number.h"
 
 namespace vkt {
@@ -25,7 +26,7 @@ public:
     /// Throws Error{usage} if the region is given twice or by half.
     void check() const override;
     /// In hierarchical volumes cells with centres in the region are filled.
-    void enter_level(Index3 cell_width, Index3 first) override;
+    void enter_level(Index3 cell_width, Index3 first) override { inside_.enter_level(cell_width, first); }
     bool uses_position() const override { return first_ || !region_.empty(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
@@ -41,12 +42,10 @@ protected:
 
 private:
     Roi region() const { return first_ ? roi_of(*first_, *last_) : region_; }
-    Box region_in(Index3 dims) const { return uses_position() ? region().resolve(dims) : box_of(dims); }
     Number stored_in(Header const& in) const;
 
     Number value_;
-    Box box_;                 ///< the region in voxels, or in cells of the level
-    Box finest_;              ///< the region as given
+    LevelRegion inside_;
     std::int64_t filled_ = 0; ///< voxels, or cells
     Number physical_;         ///< the value that was meant
     Number stored_;           ///< … before rounding

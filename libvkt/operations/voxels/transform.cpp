@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/transform.h"
 
-#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/kernels/convert.h"
 #include "libvkt/operations/common/remarks.h"
@@ -208,7 +207,7 @@ void Transform::choose_border(std::span<Header const> inputs, Expression const& 
 
 Plan Transform::plan_for(Place const& place, Expression const& parsed) const {
     require_same_grid(place.inputs);
-    static_cast<void>(region_in(place.inputs[0].dims)); // or it is refused
+    static_cast<void>(LevelRegion(region_, place.inputs[0])); // or it is refused
     Plan plan;
     plan.output = place.inputs[0];
     choose_type(place, parsed, plan.output);
@@ -276,12 +275,12 @@ void Transform::begin_for(Place const& place, Expression const& parsed, Plan con
     program_ = compile(parsed);
     geometry_ = first.geometry;
     on_level_ = place.on_level;
-    box_ = finest_ = region_in(first.dims);
+    inside_ = {region_, first};
     enter_level({1, 1, 1}, {0, 0, 0});
 }
 
 void Transform::enter_level(Index3 cell_width, Index3 first) {
-    box_ = cells_centred_in({finest_.lower - first, finest_.upper - first}, cell_width);
+    inside_.enter_level(cell_width, first);
     Vec3 centre;
     for (int axis = 0; axis < 3; ++axis) {
         auto const width = static_cast<double>(cell_width[axis]);
@@ -309,7 +308,7 @@ std::size_t Transform::fit(Index3, Execution const& execution) {
 }
 
 void Transform::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = region_.empty() ? out.box : intersect(out.box, box_);
+    Box const inside = inside_.part_of(out.box);
     if (!(inside == out.box)) {
         ConstView const from = inputs[0].part(out.box);
         if (from.type == out.type)

@@ -5,6 +5,7 @@
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/voxels/program.h"
 
 #include <vector>
@@ -66,7 +67,6 @@ private:
     void choose_type(Place const& place, Expression const& parsed, Header& output) const;
     bool fits_float(Place const& place, Expression const& parsed, Header const& output) const;
     void choose_border(std::span<Header const> inputs, Expression const& parsed, Plan& plan) const;
-    Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
 
     std::optional<BoundaryRule> boundary_;
     Roi region_;
@@ -79,7 +79,7 @@ private:
     ProgramPlace place_;
     Geometry geometry_; ///< of voxels or finest cells; of a level's cells where there are neighbours
     bool on_level_ = false;
-    Box box_, finest_; ///< the region, in voxels or cells of the level, and as given
+    LevelRegion inside_;
     bool in_float_ = false, counts_undefined_ = false;
     std::vector<std::byte> workspace_;
     TransformLosses losses_;

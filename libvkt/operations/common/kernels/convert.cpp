@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/common/kernels/convert.h"
 
+#include "libvkt/kernel/closed_range.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/map_stored.h"
 #include "libvkt/kernel/rows.h"
@@ -51,11 +52,7 @@ struct MappedFloats {
     float least, most; ///< floats in the range
 
     MappedFloats(Mapped const& of, DataType out)
-        : map(of), type(out), least(static_cast<float>(of.least)), most(static_cast<float>(of.most)) {
-        float const infinite = std::numeric_limits<float>::infinity();
-        if (static_cast<double>(least) < of.least) least = std::nextafter(least, infinite);
-        if (static_cast<double>(most) > of.most) most = std::nextafter(most, -infinite);
-    }
+        : map(of), type(out), least(least_from<float>(of.least)), most(greatest_to<float>(of.most)) {}
     VKT_HD double operator()(float v) const { return map(static_cast<double>(v)); }
     VKT_HD bool undefined(float v) const { return v < least || v > most; }
 

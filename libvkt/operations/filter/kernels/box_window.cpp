@@ -5,6 +5,7 @@
 #include "libvkt/operations/filter/kernels/box_window.h"
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/order.h"
@@ -434,22 +435,6 @@ private:
     std::vector<K> values_, result_;
 };
 
-template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius, Execution const& execution) {
-    Index3 const tile = ball_tile(radius), n = out.dims();
-    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
-    Index3 const tiles{parts(n.x, tile.x), parts(n.y, tile.y), parts(n.z, tile.z)};
-    std::int64_t const count = tiles.x * tiles.y * tiles.z;
-    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(std::max(1, execution.threads), count)), count,
-                  [&](std::int64_t first, std::int64_t last) {
-                      BallTile<Op, K> ball(in, out, radius);
-                      for (std::int64_t t = first; t < last; ++t) {
-                          Index3 const at{t % tiles.x, t / tiles.x % tiles.y, t / tiles.x / tiles.y};
-                          Index3 const lower = out.box.lower + Index3{at.x * tile.x, at.y * tile.y, at.z * tile.z};
-                          ball.run(intersect({lower, lower + tile}, out.box));
-                      }
-                  });
-}
-
 } // namespace
 
 void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation const& beyond, Losses& losses,
@@ -473,8 +458,12 @@ void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Continuation con
 }
 
 void extreme_of_balls(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution) {
-    if (out.box.empty()) return;
-    with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) { balls<Op, K>(in, out, radius, execution); });
+    with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) {
+        for_each_tile(execution, execution.threads, out.box, ball_tile(radius), [&](auto const& each) {
+            BallTile<Op, K> ball(in, out, radius);
+            each([&](Box const& tile) { ball.run(tile); });
+        });
+    });
 }
 
 void difference_of(ConstView a, ConstView b, AnyView out, Losses& losses, Execution const& execution) {

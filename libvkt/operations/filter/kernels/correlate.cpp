@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/kernels/correlate.h"
 
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/stencil.h"
 #include "libvkt/operations/common/kernels/finite_rows.h"
@@ -268,19 +269,13 @@ void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses&
     std::int64_t const across = parts(n.x, tile.x), along = parts(n.y, tile.y);
     // As deep as leaves every thread some.
     tile.z = std::max(tile.z, parts(n.z * across * along, 4 * std::max(1, execution.threads)));
-    std::int64_t const count = across * along * parts(n.z, tile.z);
     auto const work = static_cast<std::int64_t>(static_cast<double>(out.box.voxels()) * sum.cost());
-    for_each_item(execution, static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), count)), count,
-                  [&](std::int64_t first, std::int64_t last) {
-                      TermTile<C> terms(in, out, sum);
-                      Losses mine;
-                      for (std::int64_t t = first; t < last; ++t) {
-                          Index3 const at{t % across, t / across % along, t / across / along};
-                          Index3 const lower = out.box.lower + Index3{at.x * tile.x, at.y * tile.y, at.z * tile.z};
-                          terms.run(intersect({lower, lower + tile}, out.box), mine);
-                      }
-                      driver::add(losses, mine);
-                  });
+    for_each_tile(execution, threads_for(execution, work), out.box, tile, [&](auto const& each) {
+        TermTile<C> terms(in, out, sum);
+        Losses mine;
+        each([&](Box const& part) { terms.run(part, mine); });
+        driver::add(losses, mine);
+    });
 }
 
 /// Output rows that a kernel without gaps computes together, so that a register of the input serves several of them,

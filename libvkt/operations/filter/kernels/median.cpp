@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/kernels/median.h"
 
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/filter/kernels/median_network.h"
 
@@ -22,8 +23,12 @@ public:
         coarse_.assign(fine_.size() / block, 0);
         at_ = below_ = 0;
     }
-    void add(std::uint32_t v) { change(v, 1); }
-    void remove(std::uint32_t v) { change(v, -1); }
+    /// So many more of an element, or fewer.
+    void add(std::uint32_t v, std::int32_t by) {
+        fine_[v] += by;
+        coarse_[v / block] += by;
+        below_ += v < at_ ? by : 0;
+    }
     /// The element with `rank` elements before it, of more than `rank`.
     std::uint32_t element(std::int64_t rank) {
         while (below_ > rank) { // the element is less
@@ -50,12 +55,6 @@ public:
 private:
     static constexpr std::size_t block = 64;
 
-    void change(std::uint32_t v, std::int32_t by) {
-        fine_[v] += by;
-        coarse_[v / block] += by;
-        below_ += v < at_ ? by : 0;
-    }
-
     std::vector<std::int32_t> fine_, coarse_;
     std::size_t at_ = 0;
     std::int64_t below_ = 0; ///< elements less than at_
@@ -65,17 +64,18 @@ private:
 /// back along rows and slices, so that it never starts anew.
 template <class K> class MedianTile {
 public:
-    MedianTile(ConstView in, AnyView out, Index3 radius) : in_(in), out_(out), radius_(radius) {}
+    MedianTile(ConstView in, AnyView out, Index3 radius)
+        : in_(in), out_(out), radius_(radius), edges_(grow({{}, {1, 1, 1}}, radius).dims()) {}
 
     void run(Box const& tile) {
-        area_ = {tile.lower - radius_, tile.upper + radius_};
+        area_ = grow(tile, radius_);
         n_ = area_.dims();
         rank_all();
         histogram_.reset(static_cast<std::int64_t>(values_.size()));
         Index3 const size = tile.dims();
         row_.resize(static_cast<std::size_t>(size.x));
-        std::int64_t const rank = (2 * radius_.x + 1) * (2 * radius_.y + 1) * (2 * radius_.z + 1) / 2;
-        change({{0, 0, 0}, {2 * radius_.x + 1, 2 * radius_.y + 1, 2 * radius_.z + 1}}, true);
+        std::int64_t const rank = box_of(edges_).voxels() / 2;
+        add(box_of(edges_), 1);
         Index3 at; // lower corner of the box
         bool right = true, down = true;
         for (std::int64_t k = 0; k < size.z; ++k) {
@@ -127,67 +127,46 @@ private:
         }
     }
 
-    void change(Box const& box, bool add) {
+    void add(Box const& box, std::int32_t by) {
         for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
             for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
                 std::uint32_t const* const row = ranks_.data() + (z * n_.y + y) * n_.x;
-                for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
-                    if (add)
-                        histogram_.add(row[x]);
-                    else
-                        histogram_.remove(row[x]);
+                for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) histogram_.add(row[x], by);
             }
     }
 
     /// Moves the box by a voxel along an axis.
     void step(Index3& at, int axis, bool up) {
-        Box box{at, at + Index3{2 * radius_.x + 1, 2 * radius_.y + 1, 2 * radius_.z + 1}};
-        Box gone = box, come = box;
-        if (up) {
-            gone.upper[axis] = box.lower[axis] + 1;
-            come.lower[axis] = box.upper[axis];
-            come.upper[axis] = box.upper[axis] + 1;
-        } else {
-            gone.lower[axis] = box.upper[axis] - 1;
-            come.lower[axis] = box.lower[axis] - 1;
-            come.upper[axis] = box.lower[axis];
-        }
-        change(come, true);
-        change(gone, false);
+        Box come{at, at + edges_}, gone = come;
+        come.lower[axis] = up ? come.upper[axis] : at[axis] - 1;
+        come.upper[axis] = come.lower[axis] + 1;
+        gone.lower[axis] = up ? at[axis] : gone.upper[axis] - 1;
+        gone.upper[axis] = gone.lower[axis] + 1;
+        add(come, 1);
+        add(gone, -1);
         at[axis] += up ? 1 : -1;
     }
 
     ConstView in_;
     AnyView out_;
-    Index3 radius_, n_;
-    Box area_; ///< the tile and its neighbours
+    Index3 radius_, edges_; ///< of the box
+    Box area_;              ///< the tile and its neighbours
+    Index3 n_;              ///< its extent
     std::vector<Entry> entries_;
     std::vector<std::uint32_t> ranks_;
     std::vector<K> values_, row_;
     SlidingHistogram histogram_;
 };
 
-template <class K> void median_of_any(Execution const& execution, AnyView out, Index3 radius, ConstView in) {
-    Index3 const tile = median_tile(radius), n = out.dims();
-    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
-    Index3 const tiles{parts(n.x, tile.x), parts(n.y, tile.y), parts(n.z, tile.z)};
-    std::int64_t const count = tiles.x * tiles.y * tiles.z;
-    for_each_item(static_cast<int>(std::min<std::int64_t>(std::max(1, execution.threads), count)), count,
-                  [&](std::int64_t first, std::int64_t last) {
-                      MedianTile<K> medians(in, out, radius);
-                      for (std::int64_t t = first; t < last; ++t) {
-                          tell_progress(execution, first, t, last);
-                          Index3 const at{t % tiles.x, t / tiles.x % tiles.y, t / tiles.x / tiles.y};
-                          Index3 const lower = out.box.lower + Index3{at.x * tile.x, at.y * tile.y, at.z * tile.z};
-                          medians.run(intersect({lower, lower + tile}, out.box));
-                      }
-                  });
-}
-
 } // namespace
 
 void median_of_boxes(ConstView in, AnyView out, Index3 radius, Execution const& execution) {
-    median_by_network(in, out, radius, execution, [&]<class K>(K) { median_of_any<K>(execution, out, radius, in); });
+    median_by_network(in, out, radius, execution, [&]<class K>(K) {
+        for_each_tile(execution, execution.threads, out.box, median_tile(radius), [&](auto const& each) {
+            MedianTile<K> medians(in, out, radius);
+            each([&](Box const& tile) { medians.run(tile); });
+        });
+    });
 }
 
 } // namespace VKT_BACKEND

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/kernels/nlmeans.h"
 
-#include "libvkt/kernel/cpu_drivers.h"
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/common/kernels/weights.h"
 
@@ -143,23 +143,12 @@ private:
 
 void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& losses, Execution const& execution) {
     with_compute_type(in.type, [&]<class C>(C) {
-        Index3 const n = out.dims();
-        auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
-        Index3 const tiles{parts(n.x, tile_dims.x), parts(n.y, tile_dims.y), parts(n.z, tile_dims.z)};
-        std::int64_t const count = tiles.x * tiles.y * tiles.z;
-        for_each_item(static_cast<int>(std::min<std::int64_t>(std::max(1, execution.threads), count)), count,
-                      [&](std::int64_t first, std::int64_t last) {
-                          NlMeansTile<C> tile(in, out, rule);
-                          Losses mine;
-                          for (std::int64_t t = first; t < last; ++t) {
-                              tell_progress(execution, first, t, last);
-                              Index3 const at{t % tiles.x, t / tiles.x % tiles.y, t / tiles.x / tiles.y};
-                              Index3 const lower =
-                                  out.box.lower + Index3{at.x * tile_dims.x, at.y * tile_dims.y, at.z * tile_dims.z};
-                              mine += tile.run(intersect({lower, lower + tile_dims}, out.box));
-                          }
-                          driver::add(losses, mine);
-                      });
+        for_each_tile(execution, execution.threads, out.box, tile_dims, [&](auto const& each) {
+            NlMeansTile<C> means(in, out, rule);
+            Losses mine;
+            each([&](Box const& tile) { mine += means.run(tile); });
+            driver::add(losses, mine);
+        });
     });
 }
 

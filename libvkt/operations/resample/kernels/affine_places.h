@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
 
@@ -95,23 +96,15 @@ struct NoScratch {};
 template <class Scratch = NoScratch, class F>
 void for_each_tile(Execution const& execution, Box const& box, Index3 extent, Losses& losses, std::int64_t& outside,
                    F const& f) {
-    auto const pieces = [&](int axis) { return (box.dims()[axis] + extent[axis] - 1) / extent[axis]; };
-    std::int64_t const nx = pieces(0), ny = pieces(1), nz = pieces(2);
-    for_each_item(threads_for(execution, box.voxels()), nx * ny * nz, [&](std::int64_t begin, std::int64_t end) {
+    for_each_tile(execution, threads_for(execution, box.voxels()), box, extent, [&](auto const& each) {
         Tally tally;
         Scratch scratch;
-        for (std::int64_t item = begin; item < end; ++item) {
-            tell_progress(execution, begin, item, end);
-            Box tile;
-            tile.lower = {box.lower.x + item % nx * extent.x, box.lower.y + item / nx % ny * extent.y,
-                          box.lower.z + item / nx / ny * extent.z};
-            for (int axis = 0; axis < 3; ++axis)
-                tile.upper[axis] = std::min(tile.lower[axis] + extent[axis], box.upper[axis]);
+        each([&](Box const& tile) {
             if constexpr (std::is_same_v<Scratch, NoScratch>)
                 f(tile, tally);
             else
                 f(tile, tally, scratch);
-        }
+        });
         stream_fence();
         driver::add(losses, tally.losses);
 #pragma omp atomic

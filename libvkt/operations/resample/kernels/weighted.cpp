@@ -4,6 +4,7 @@
 #include "libvkt/operations/resample/kernels/resample.h"
 #include "libvkt/operations/resample/kernels/resample_sums.h"
 
+#include "libvkt/kernel/cpu_tiles.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
@@ -208,23 +209,16 @@ Losses make_tile(ConstView in, AnyView out, WeightedSum const& sum, Range x, Ran
 
 void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer&, Losses& losses,
                        Execution const& execution) {
-    Box const& box = out.box;
-    if (box.empty()) return;
-    Index3 const n = box.dims();
-    SumTile const& tile = sum.tile;
-    auto const make = tile.lanes == 1 ? make_tile<1> : make_tile<SumTile::most_lanes>;
-    std::int64_t const across = (n.x + tile.x - 1) / tile.x, down = (n.y + tile.y - 1) / tile.y;
-    std::int64_t const work = std::max(in.box.voxels(), box.voxels());
-    for_each_item(threads_for(execution, work), across * down * n.z, [&](std::int64_t begin, std::int64_t end) {
+    Index3 const extent{sum.tile.x, sum.tile.y, 1};
+    auto const make = sum.tile.lanes == 1 ? make_tile<1> : make_tile<SumTile::most_lanes>;
+    std::int64_t const work = std::max(in.box.voxels(), out.box.voxels());
+    for_each_tile(execution, threads_for(execution, work), out.box, extent, [&](auto const& each) {
         Sums sums;
         Losses own;
-        for (std::int64_t item = begin; item < end; ++item) {
-            tell_progress(execution, begin, item, end);
-            std::int64_t const x = box.lower.x + item % across * tile.x;
-            std::int64_t const y = box.lower.y + item / across % down * tile.y;
-            Range const columns{x, std::min(x + tile.x, box.upper.x)}, rows{y, std::min(y + tile.y, box.upper.y)};
-            driver::add(own, make(in, out, sum, columns, rows, box.lower.z + item / across / down, sums));
-        }
+        each([&](Box const& tile) {
+            Range const columns{tile.lower.x, tile.upper.x}, rows{tile.lower.y, tile.upper.y};
+            driver::add(own, make(in, out, sum, columns, rows, tile.lower.z, sums));
+        });
         driver::add(losses, own);
     });
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/kernels/histogram.h"
 
+#include "libvkt/kernel/closed_range.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
 
@@ -104,10 +105,8 @@ struct SingleRule {
         double const first = rule.edges[0], end = rule.edges[rule.count];
         scale = static_cast<float>(rule.per_unit);
         offset = static_cast<float>(rule.scaled_low * rule.per_unit);
-        low = static_cast<float>(first);
-        high = static_cast<float>(end);
-        if (static_cast<double>(low) < first) low = std::nextafter(low, std::numeric_limits<float>::infinity());
-        if (static_cast<double>(high) > end) high = std::nextafter(high, -std::numeric_limits<float>::infinity());
+        low = least_from<float>(first);
+        high = greatest_to<float>(end);
         // Factor, product and offset are each off by up to 2^-24 of the distance from 0 in bins, the difference by as
         // much of itself; twice all that.
         double const far = std::max(std::abs(first), std::abs(end)) * rule.per_unit;
