@@ -105,8 +105,9 @@ void Statistics::parameters(Parameters& p) {
 }
 
 Box Statistics::region_in(Header const& in) const {
-    if (!roi.empty()) return roi.resolve(in.dims);
-    return in.kind == Kind::hierarchical ? region_of(in) : box_of(in.dims);
+    bool const tree = in.kind == Kind::hierarchical;
+    if (roi.empty()) return tree ? region_of(in) : box_of(in.dims);
+    return tree ? resolve_in_tree(roi, in) : roi.resolve(in.dims);
 }
 
 std::vector<double> PercentList::of_stored(ValueMap const& map) const {
