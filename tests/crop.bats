@@ -239,3 +239,29 @@ v[37:203, :, 299:].astype('<u2').tofile('want_column.raw')"
     ! VKT_THREADS=16 vkt crop two.nhdr --roi 11:299,20:249,125: --slab 200 -o out.nrrd || false
     [ ! -e out.nrrd ]
 }
+
+@test "open bounds of a hierarchical volume are those of its own region, wherever it is cropped, and plans refuse what runs do" {
+    vkt make noise --dims 40 30 20 --spacing 2 | vkt refine --tolerance 0.1 | vkt crop --roi 5:35,6:24,3:17 -o tree.vkt
+    box() { vkt info --json "$@" | jq -r .attributes.roi; }
+    while read -r roi want; do
+        [ "$(vkt crop tree.vkt --roi "$roi" | box)" = "$want" ]
+        [ "$(vkt crop tree.vkt --roi "$roi" -n 2>/dev/null | box)" = "$want" ]
+        [ "$(vkt read tree.vkt --roi "$roi" | box)" = "$want" ]
+        [ "$(vkt stats tree.vkt --roi "$roi" --json | jq .count)" = "$(vkt stats tree.vkt --roi "$want" --json | jq .count)" ]
+        vkt resample tree.vkt --roi "$roi" | vkt diff - <(vkt resample tree.vkt --roi "$want")
+    done <<'EOF2'
+:,:,10: 5:35,6:24,10:17
+:9,:,: 5:9,6:24,3:17
+,7:,: 5:35,7:24,3:17
+:50%,:20,:-5 5:20,6:20,3:15
+EOF2
+    # The world may stick out; so may another volume.
+    [ "$(vkt crop tree.vkt --roi-world :,30:1000,: | box)" = 5:35,15:24,3:17 ]
+    [ "$(vkt read tree.vkt --roi-world :,30:1000,: | box)" = 5:35,15:24,3:17 ]
+    [ "$(vkt crop tree.vkt --like <(vkt make constant --dims 40 30 20 --spacing 2) | box)" = 5:35,6:24,3:17 ]
+    for roi in 0:9,:,: :,:,:18 :4,:,:; do
+        refused_and_foretold 2 "" vkt crop tree.vkt --roi "$roi"
+        fails_with 2 "" vkt read tree.vkt --roi "$roi"
+    done
+    fails_with 2 "does not meet" vkt crop tree.vkt --roi-world 0:8,:,:
+}

@@ -281,3 +281,20 @@ assert abs(e["max_abs"] - 0.5) < 1e-6 and abs(e["rmse"] - 0.5) < 1e-6 and e["dif
     fails_with 2 "one of the volumes is hierarchical and one is not" vkt diff t.vkt g.vkt
     fails_with 2 "--ssim compares grids" vkt diff t.vkt t.vkt --ssim
 }
+
+@test "of a region of trees the cells that reach into it are compared, and no others of their bricks" {
+    vkt make noise --dims 40 30 20 | vkt refine --tolerance 0 -o whole.vkt 2>/dev/null
+    vkt fill whole.vkt --roi 20:23,12:14,9:10 --value 7 -o other.vkt
+    number() { vkt diff "$@" --json >out.json || true; jq -c "[.count, .differing, .first]" out.json; }
+    [ "$(number whole.vkt other.vkt)" = '[24000,6,[20,12,9]]' ]
+    [ "$(number whole.vkt other.vkt --roi 22:30,13:20,5:12)" = '[392,1,[22,13,9]]' ]
+    vkt diff whole.vkt other.vkt --roi 23:30,13:20,5:12
+    vkt diff whole.vkt other.vkt --roi 16:24,8:16,10:16
+    # What a crop has cut off is no part of it, though bricks are kept whole.
+    vkt diff <(vkt crop whole.vkt --roi 3:20,:,:) <(vkt crop other.vkt --roi 3:20,:,:) --json >out.json
+    [ "$(jq .count out.json)" = 10200 ]
+    # A coarse cell whose centre is elsewhere counts.
+    vkt make constant --dims 32 32 32 | vkt refine --tolerance 0 --block-size 2 -o flat.vkt
+    vkt arith add flat.vkt 1 -o one.vkt
+    [ "$(number flat.vkt one.vkt --roi 0:1,0:1,0:1)" = '[1,1,[0,0,0]]' ]
+}

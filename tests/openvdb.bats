@@ -450,3 +450,16 @@ assert a == b == 1.5, (a, b)"
     [[ "$status" -eq 4 && "$output" == *"'d.vdb'"*"too large"* ]]
     [ ! -e d.vdb ]
 }
+
+@test "what a crop has cut off does not come back with a file" {
+    vkt make noise --dims 40 30 20 --spacing 2 | vkt refine --tolerance 0 2>/dev/null | vkt crop --roi 5:35,6:24,3:17 -o cut.vkt
+    vkt write cut.vkt cut.vdb
+    [ "$(vkt stats cut.vdb --json | jq .count)" = 7560 ]
+    vkt resample cut.vkt --scale 1 -o grid.nrrd
+    vkt resample cut.vdb --scale 1 | vkt diff - grid.nrrd --geometry
+    # The same of a part that begins inside of the first brick kept, and once more.
+    vkt crop cut.vkt --roi 20:30,9:20,10:12 | vkt write - part.vdb
+    vkt write part.vdb again.vdb
+    vkt crop grid.nrrd --roi 15:25,3:14,7:9 -o want.nrrd
+    vkt resample again.vdb --scale 1 | vkt diff - want.nrrd --geometry
+}

@@ -488,3 +488,64 @@ tree = volume.apply("refine", tolerance=50)
 assert tree.hierarchical and tree._repr_html_().count("data:image/png;base64,") == 1
 EOF2
 }
+
+@test "calls are interrupted as Python is: by Ctrl-C and by handlers that raise, with nothing left" {
+    python <<'EOF2'
+import os, signal, threading, time
+
+def interrupted(call, number=signal.SIGINT, kind=KeyboardInterrupt):
+    threading.Thread(target=lambda: (time.sleep(0.2), os.kill(os.getpid(), number))).start()
+    start = time.monotonic()
+    try:
+        call()
+        raise SystemExit("the call was not interrupted")
+    except kind:
+        assert time.monotonic() - start < 10
+
+noise = vkt.make.noise(dims=(128, 128, 128))
+interrupted(lambda: vkt.render(noise, render_algo="multi-scattering", size=1024, spp=65536))
+interrupted(lambda: [vkt.surface(noise, iso=0.5) for _ in range(1000)])
+interrupted(lambda: [noise.write("noise.nii.gz", force=True) for _ in range(1000)])
+interrupted(lambda: [noise.stats(percentiles=50) for _ in range(10000)])
+interrupted(lambda: vkt.filter.median(vkt.make.noise(dims=(400, 400, 400)), radius=7))
+for _ in range(12):  # wherever between two calls of the function the signal comes
+    interrupted(lambda: vkt.transform(noise, lambda x, y, z, v: v + 1))
+
+def late(*_):
+    raise TimeoutError("late")
+
+signal.signal(signal.SIGUSR1, late)
+interrupted(lambda: vkt.render(noise, render_algo="multi-scattering", size=1024, spp=65536), signal.SIGUSR1, TimeoutError)
+seen = []
+signal.signal(signal.SIGUSR1, lambda *_: seen.append(1))  # one that does not raise ends nothing
+threading.Thread(target=lambda: (time.sleep(0.05), os.kill(os.getpid(), signal.SIGUSR1))).start()
+assert vkt.render(volume, render_algo="multi-scattering", size=128, spp=16).shape == (128, 128, 4)
+while not seen:
+    time.sleep(0.01)
+assert [name for name in os.listdir(".") if "noise" in name and name != "noise.nii.gz"] == []
+
+# The program that a call runs ends, too.
+interrupted(lambda: vkt.command("render", noise, render_algo="multi-scattering", size=1024, spp=65536, output="n.png"))
+try:
+    os.waitpid(-1, os.WNOHANG)
+    raise SystemExit("the program is still there")
+except ChildProcessError:
+    pass
+EOF2
+}
+
+@test "words and names with a NUL, and geometry of another size, are refused" {
+    touch a
+    python <<'EOF2'
+for call in (lambda: vkt.read("volume.nrrd\0.mha"), lambda: volume.write("new.nrrd\0.mha"),
+             lambda: vkt.transform(volume, "v * 2\0 + 1"), lambda: vkt.render(volume, caption="one\0two"),
+             lambda: list(vkt.read_series("volume.nrrd\0")), lambda: vkt.Volume(volume.array, spacing=(1, 2)),
+             lambda: vkt.Volume(volume.array, origin=3)):
+    try:
+        call()
+        raise SystemExit("accepted")
+    except vkt.Error as error:
+        assert error.exit_code == 2 and ("NUL" in str(error) or "three numbers" in str(error)), error
+EOF2
+    [ ! -e new.nrrd ]
+}

@@ -58,3 +58,18 @@ import numpy as np
 pixels = np.frombuffer(open('labels.pfm', 'rb').read().split(b'\n', 3)[3], '<f4').reshape(-1, 3)
 assert len(np.unique(pixels, axis=0)) == 2"
 }
+
+@test "the unit of length makes no difference to a picture, and one that floats do not hold is refused" {
+    draw() { vkt set $f --spacing "$1" | vkt render --size 48 --opacity 0,0.3 --domain 0:15 -o "$2"; }
+    draw 1 one.png
+    for size in 1e-30 1e-9 1e30; do
+        draw $size other.png
+        vkt image diff one.png other.png --tolerance 0.01
+        rm other.png
+    done
+    for size in 1e-60 1e40 1e200; do
+        fails_with 3 "pictures take 1e-31 to 1e31" draw $size other.png
+        [ ! -e other.png ]
+    done
+    fails_with 3 "pictures take 1e-31 to 1e31" vkt render <(vkt set $f --spacing 1,1,1e32) -ra implicit-iso -o other.png
+}

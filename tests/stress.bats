@@ -218,3 +218,38 @@ print(refusal["repeat"])' >again.sh
     grep -q "'flip x' would run on single" plan
     [ ! -s out ]
 }
+
+# Waits up to 10 s for COMMAND… to succeed.
+soon() {
+    local tries
+    for tries in {1..100}; do
+        if "$@"; then return; fi
+        sleep 0.1
+    done
+    echo "not within $tries tries: $*" >&2
+    return 1
+}
+
+@test "a stress that is interrupted or killed leaves neither files nor processes" {
+    mkdir tmp
+    cat >slow <<EOF2
+#!/bin/bash
+[ "\$1" != flip ] || { echo \$\$ >$PWD/there; sleep 1000; }
+exec $(command -v vkt) "\$@"
+EOF2
+    chmod +x slow
+    holds() { [ -s there ]; }
+    empty() { [ -z "$(ls -A tmp)" ]; }
+    ended() { ! kill -0 "$1" 2>/dev/null; }
+    for signal in TERM KILL; do
+        rm -f there
+        TMPDIR=$PWD/tmp vkt stress 'flip x' --vkt "$PWD/slow" --volume single >/dev/null 2>&1 3>&- &
+        local stress=$!
+        soon holds
+        [ -n "$(ls -A tmp)" ]
+        kill -"$signal" "$stress"
+        wait "$stress" || true
+        soon empty
+        soon ended "$(cat there)"
+    done
+}

@@ -127,9 +127,7 @@ Box resolve_cells(Roi const& roi, Index3 dims) {
 BrickSequence crop_tree(BrickSequence bricks, Box const& region) {
     Header header = bricks.header();
     require_tree(header);
-    Box const present = region_of(header);
-    if (region.empty() || !present.contains(region))
-        throw Error(ErrorKind::usage, text("region ", region, " leaves the hierarchical volume's ", present));
+    require_in_region(region, header);
     std::vector<Brick> kept;
     std::vector<std::size_t> places;
     for (std::size_t b = 0; b < bricks.bricks().size(); ++b) {

@@ -29,8 +29,8 @@ Box wanted_region(Header const& header, GridRequest const& request) {
         throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
     Box const present = region_of(header);
     if (request.roi.empty() && request.world_roi.empty()) return present;
-    Box const wanted = request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
-                                           : resolve_in_tree(request.roi, header);
+    Box const wanted =
+        request.roi.empty() ? resolve_in_tree(request.world_roi, header) : resolve_in_tree(request.roi, header);
     if (!present.contains(wanted))
         throw Error(ErrorKind::usage, text("region ", wanted, " leaves the part that is left of the volume, ", present),
                     "regions of a hierarchical volume count finest cells of the whole logical grid");
@@ -73,11 +73,27 @@ Box resolve_in_tree(Roi const& roi, Header const& header) {
     auto const ranges = split(roi.text, ',');
     for (std::size_t a = 0; a < ranges.size() && a < 3; ++a) {
         auto const axis = static_cast<int>(a);
-        if (ranges[a] != ":") continue;
-        box.lower[axis] = present.lower[axis];
-        box.upper[axis] = present.upper[axis];
+        if (ranges[a].empty() || ranges[a].front() == ':') box.lower[axis] = present.lower[axis];
+        if (ranges[a].empty() || ranges[a].back() == ':') box.upper[axis] = present.upper[axis];
     }
+    if (box.empty())
+        throw Error(ErrorKind::usage, text("--roi '", roi.text, "' does not meet what the volume holds, ", present));
     return box;
+}
+
+Box resolve_in_tree(WorldRoi const& roi, Header const& header) {
+    Box const present = region_of(header);
+    Box const box = intersect(roi.resolve(header.geometry, header.dims), present);
+    if (box.empty())
+        throw Error(ErrorKind::usage,
+                    text("--roi-world '", roi.text, "' does not meet what the volume holds, ", present));
+    return box;
+}
+
+void require_in_region(Box const& region, Header const& header) {
+    Box const present = region_of(header);
+    if (region.empty() || !present.contains(region))
+        throw Error(ErrorKind::usage, text("region ", region, " leaves the hierarchical volume's ", present));
 }
 
 SampleGrid plan_grid(Header const& header, GridRequest const& request) {

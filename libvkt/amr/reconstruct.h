@@ -64,9 +64,14 @@ struct GridRequest {
 /// The box of finest cells a hierarchical volume stands for: its "roi" attribute if it was cropped, else everything.
 /// Throws Error{data} if the attribute is malformed.
 Box region_of(Header const& header);
-/// The box of a region of a hierarchical volume. An axis taken whole, by ':', is that of the volume's own region: the
-/// lattice of OpenVDB's blocks is larger than what they hold.
+/// The box of a region of a hierarchical volume. A bound that is left open is that of the volume's own region: the
+/// lattice of OpenVDB's blocks is larger than what they hold. All others count on the whole lattice.
 Box resolve_in_tree(Roi const& roi, Header const& header);
+/// The same in the world; what sticks out of the volume's own region is left off. Throws Error{usage} if nothing is
+/// left.
+Box resolve_in_tree(WorldRoi const& roi, Header const& header);
+/// Throws Error{usage} if a region is empty or leaves the volume's own.
+void require_in_region(Box const& region, Header const& header);
 
 /// Throws Error{usage} for contradictory requests and empty regions.
 SampleGrid plan_grid(Header const& header, GridRequest const& request);

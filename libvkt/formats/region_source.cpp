@@ -3,6 +3,7 @@
 #include "libvkt/formats/region_source.h"
 
 #include "libvkt/amr/edit.h"
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/decorator.h"
@@ -65,10 +66,10 @@ bool RegionSource::next_volume() {
     header_ = inner().header();
     tree_.reset();
     bool const tree = header_.kind == Kind::hierarchical;
-    if (!world_roi_.empty())
+    if (tree)
+        region_ = {world_roi_.empty() ? resolve_in_tree(roi_, header_) : resolve_in_tree(world_roi_, header_)};
+    else if (!world_roi_.empty())
         region_ = {world_roi_.resolve(header_.geometry, header_.dims)};
-    else if (tree)
-        region_ = {resolve_cells(roi_, header_.dims)};
     else
         region_ = roi_.resolve_steps(header_.dims);
     std::optional<History> history = header_.history;

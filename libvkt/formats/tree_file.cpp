@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/tree_file.h"
 
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -11,9 +12,11 @@ namespace vkt {
 std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& header) {
     if (!options.roi.empty() && !options.world_roi.empty())
         throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
-    if (!options.roi.empty()) return options.roi.resolve(header.dims);
-    if (!options.world_roi.empty()) return options.world_roi.resolve(header.geometry, header.dims);
-    return std::nullopt;
+    if (options.roi.empty() && options.world_roi.empty()) return std::nullopt;
+    Box const box =
+        options.roi.empty() ? resolve_in_tree(options.world_roi, header) : resolve_in_tree(options.roi, header);
+    require_in_region(box, header);
+    return box;
 }
 
 std::vector<std::size_t> bricks_within(std::optional<Box> const& region, BrickTable const& bricks, Index3 dims) {

@@ -54,11 +54,22 @@ std::vector<double> weights_of(std::vector<PictureContents> const& pictures) {
     return weights;
 }
 
+/// Paths count once: the same again would pass for more of them, with less noise than there is.
+void refuse_same_paths(std::vector<PictureContents> const& pictures) {
+    for (std::size_t k = 1; k < pictures.size(); ++k)
+        for (std::size_t i = 0; i < k; ++i)
+            if (!pictures[k].text("History").empty() && pictures[k].text("History") == pictures[i].text("History") &&
+                pictures[k].image.pixels == pictures[i].image.pixels)
+                refuse(text("pictures ", i + 1, " and ", k + 1, " are made of the same paths: they are the same"),
+                       "draw each with a --seed or a --first-sample of its own");
+}
+
 } // namespace
 
 PictureContents mean_of(std::vector<PictureContents> const& pictures) {
     PictureContents const& first = pictures.front();
     std::vector<double> const weights = weights_of(pictures);
+    if (!first.text(samples_keyword).empty()) refuse_same_paths(pictures);
     double total = 0;
     for (double const w : weights) total += w;
     std::vector<double> sum(first.image.pixels.size());

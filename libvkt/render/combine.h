@@ -10,7 +10,8 @@ namespace vkt::render {
 
 /// The mean of pictures of one size, weighted by the paths a pixel that their texts tell; all weigh the same if none
 /// does. Layers "variance.*" become those of the mean, of pictures that have nothing random in common; other layers
-/// and texts stay if all have the same. Throws Error{usage} if sizes differ or only some tell their paths.
+/// and texts stay if all have the same. Throws Error{usage} if sizes differ, only some tell their paths, or two are of
+/// the same paths.
 PictureContents mean_of(std::vector<PictureContents> const& pictures);
 
 /// The whole picture of its parts, with the texts that all have alike. Throws Error{usage} if pixels are missing or

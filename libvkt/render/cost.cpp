@@ -65,6 +65,10 @@ void check_memory(Header const& header, Execution const& execution, TreeDrawing 
     if ((tree == TreeDrawing::bricks || tree == TreeDrawing::blocks) && header.kind == Kind::structured)
         throw Error(ErrorKind::usage, text("--tree ", enum_name(tree), ": the volume is a grid and has none"),
                     "vkt refine makes bricks of it");
+    for (int axis = 0; axis < 3; ++axis) // lengths, their inverses and gradients are floats
+        if (double const size = header.geometry.spacing[axis]; size < 1e-31 || size > 1e31)
+            throw Error(ErrorKind::data, text("voxels are ", size, " wide, and pictures take 1e-31 to 1e31"),
+                        "count in another unit: vkt set --spacing");
     std::size_t const volume = bytes_to_draw(header, tree, copied), bytes = volume + picture;
     if (bytes <= execution.memory) return;
     throw Error(ErrorKind::resources,

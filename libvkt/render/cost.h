@@ -13,8 +13,8 @@
 namespace vkt::render {
 
 /// Throws Error{resources} if drawing such a volume, and a picture that takes so many bytes, take more than the budget,
-/// Error{usage} for bricks of a grid. Small integers of files are read to where rays sample them; `copied`: they are
-/// somewhere else before.
+/// Error{usage} for bricks of a grid, Error{data} for voxels too small or large for floats. Small integers of files are
+/// read to where rays sample them; `copied`: they are somewhere else before.
 void check_memory(Header const& header, Execution const& execution, TreeDrawing tree = TreeDrawing::automatic,
                   bool copied = false, std::size_t picture = 0);
 

@@ -7,6 +7,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/verifiable.h"
+#include "libvkt/io/temporaries.h"
 #include "shell/chart/chain.h"
 #include "shell/stress/damage.h"
 #include "shell/stress/hard_volumes.h"
@@ -26,12 +27,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A folder that goes away with its contents.
+/// A folder that goes away with its contents, however the process ends.
 class ScratchFolder {
 public:
     explicit ScratchFolder(std::string const& parent) : path_(parent + "/vkt-stress-XXXXXX") {
         if (::mkdtemp(path_.data()) == nullptr)
             throw Error(ErrorKind::io, text("cannot make a folder in '", parent, "'"));
+        guard_.emplace(path_);
     }
     ~ScratchFolder() {
         std::error_code ignored;
@@ -43,6 +45,7 @@ public:
 
 private:
     std::string path_;
+    std::optional<Guard> guard_{};
 };
 
 std::string bytes_of(std::string const& path) {

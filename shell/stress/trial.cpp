@@ -21,7 +21,7 @@ namespace {
 
 constexpr int closed_pipe = 128 + SIGPIPE;
 
-[[noreturn]] void become_shell(std::string const& script, TrialOptions const& options, int codes) {
+[[noreturn]] void become_shell(std::string const& script, TrialOptions const& options, int codes, int life) {
     ::setpgid(0, 0);
     int const in = ::open("/dev/null", O_RDONLY);
     int const out = ::open(options.stdout_file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
@@ -30,7 +30,11 @@ constexpr int closed_pipe = 128 + SIGPIPE;
     ::dup2(in, 0);
     ::dup2(out, 1);
     ::dup2(err, 2);
+    // Neither may be at the other's place, nor at its own, where it would be closed with the rest.
+    codes = ::fcntl(codes, F_DUPFD_CLOEXEC, 10);
+    life = ::fcntl(life, F_DUPFD_CLOEXEC, 10);
     ::dup2(codes, 9);
+    ::dup2(life, 8);
     if (options.file_limit) {
         rlimit const limit{static_cast<rlim_t>(*options.file_limit), static_cast<rlim_t>(*options.file_limit)};
         ::setrlimit(RLIMIT_FSIZE, &limit);
@@ -55,14 +59,24 @@ std::optional<int> TrialResult::crash() const {
 }
 
 TrialResult try_line(std::string const& line, TrialOptions const& options) {
-    std::array<int, 2> ends{};
+    std::array<int, 2> ends{}, life{};
     if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw Error(ErrorKind::resources, "cannot make a pipe");
-    std::string const script = line + "\necho \"${PIPESTATUS[*]}\" >&9\n";
+    if (::pipe2(life.data(), O_CLOEXEC) != 0) {
+        for (int const end : ends) ::close(end);
+        throw Error(ErrorKind::resources, "cannot make a pipe");
+    }
+    // Nothing is ever written to the pipe of life: it ends when this process does, and then the trial is killed.
+    std::string const script =
+        "{ read -r -u 8 || kill -KILL 0; } 2>/dev/null &\nexec 8<&-\n" + line + "\necho \"${PIPESTATUS[*]}\" >&9\n";
     pid_t const child = ::fork();
-    if (child < 0) throw Error(ErrorKind::resources, "cannot start a process");
-    if (child == 0) become_shell(script, options, ends[1]);
+    if (child < 0) {
+        for (int const end : {ends[0], ends[1], life[0], life[1]}) ::close(end);
+        throw Error(ErrorKind::resources, "cannot start a process");
+    }
+    if (child == 0) become_shell(script, options, ends[1], life[0]);
     ::setpgid(child, child); // whoever comes first
     ::close(ends[1]);
+    ::close(life[0]);
 
     TrialResult result;
     auto const end = std::chrono::steady_clock::now() + std::chrono::duration<double>(options.seconds);
@@ -79,6 +93,7 @@ TrialResult try_line(std::string const& line, TrialOptions const& options) {
         nap = std::min(nap * 2, std::chrono::microseconds(10000));
     }
     ::kill(-child, SIGKILL); // what it left running in the background
+    ::close(life[1]);
     std::string said;
     std::array<char, 256> buffer{};
     ::fcntl(ends[0], F_SETFL, O_NONBLOCK);

@@ -3,6 +3,7 @@
 #include "libvkt/formats/vdb_module.h"
 
 #include "libvkt/amr/cells.h"
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
@@ -282,11 +283,14 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         grid->setName(options.name);
         if (!options.grid_class.empty()) grid->setGridClass(openvdb::GridBase::stringToGridClass(options.grid_class));
         grid->setSaveFloatAsHalf(header.dtype == DataType::float16);
-        // What lies outside the active voxels would be lost otherwise.
-        grid->insertMeta(box_min_name, openvdb::Vec3IMetadata(openvdb::Vec3i(0, 0, 0)));
-        grid->insertMeta(box_max_name, openvdb::Vec3IMetadata(openvdb::Vec3i(static_cast<int>(header.dims.x - 1),
-                                                                             static_cast<int>(header.dims.y - 1),
-                                                                             static_cast<int>(header.dims.z - 1))));
+        // What lies outside the active voxels would be lost otherwise, and what was cut off would be back.
+        Box const region = region_of(header);
+        auto const corner = [](Index3 p) {
+            return openvdb::Vec3IMetadata(
+                openvdb::Vec3i(static_cast<int>(p.x), static_cast<int>(p.y), static_cast<int>(p.z)));
+        };
+        grid->insertMeta(box_min_name, corner(region.lower));
+        grid->insertMeta(box_max_name, corner(region.upper - Index3{1, 1, 1}));
         Header kept = in_utf8(header);
         kept.timing = false;
         if (options.prune && kept.error.known()) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/difference.h"
 
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
@@ -85,7 +86,20 @@ void compare_slabs(Source& a, Source& b, Execution const& execution, DifferenceR
     sum.end(ha.voxels(), to);
 }
 
-/// Cell by cell, where the trees are the same.
+/// The cells of a brick that a region has a part of: a coarse one is not left out because its centre is elsewhere.
+Box cells_reaching_into(Box const& region, Brick const& brick, Index3 width) {
+    Box cells;
+    for (int a = 0; a < 3; ++a) {
+        std::int64_t const lower = std::max<std::int64_t>(0, region.lower[a] - brick.lower[a]),
+                           upper = std::max<std::int64_t>(0, region.upper[a] - brick.lower[a]);
+        cells.lower[a] = lower / width[a];
+        cells.upper[a] = std::min(brick.dims[a], (upper + width[a] - 1) / width[a]);
+    }
+    return cells;
+}
+
+/// Cell by cell, where the trees are the same; of bricks that stick out of the region of both, those that reach into
+/// it.
 void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& to) {
     if (execution.only_gpu) refuse_cpu("diff of hierarchical volumes");
     execution.device = Device::cpu;
@@ -94,30 +108,38 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
     to.same_tree = bricks == cells_b.bricks();
     if (!to.same_tree) return;
     Header const &ha = cells_a.header(), &hb = cells_b.header();
+    Box const region = region_of(ha) == region_of(hb) ? region_of(ha) : box_of(ha.dims);
     std::vector<RowDifference> rows;
     Sum sum;
+    std::int64_t count = 0;
     for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
         n = cells_a.group(first, brick_group_bytes);
         std::byte const *at_a = cells_a.cells(first, n), *at_b = cells_b.cells(first, n);
         for (std::size_t i = first; i < first + n; ++i) {
             Brick const brick = bricks[i];
             Box const box = box_of(brick.dims);
-            rows.resize(static_cast<std::size_t>(brick.dims.y * brick.dims.z));
-            difference_rows({dense_view(at_a, ha.dtype, box), dense_view(at_b, hb.dtype, box), ha.values, hb.values},
-                            rows.data(), execution);
             Index3 const width = cell_width(ha.dims, brick.level);
-            for (std::size_t r = 0; r < rows.size(); ++r) {
-                auto const row = static_cast<std::int64_t>(r);
-                Index3 const lower = brick.lower;
-                sum.add(rows[r],
-                        {lower.x, lower.y + row % brick.dims.y * width.y, lower.z + row / brick.dims.y * width.z},
-                        width.x, to);
+            Box const inside = cells_reaching_into(region, brick, width);
+            if (!inside.empty()) {
+                count += inside.voxels();
+                std::int64_t const ny = inside.dims().y;
+                rows.resize(static_cast<std::size_t>(ny * inside.dims().z));
+                difference_rows({dense_view(at_a, ha.dtype, box).part(inside),
+                                 dense_view(at_b, hb.dtype, box).part(inside), ha.values, hb.values},
+                                rows.data(), execution);
+                for (std::size_t r = 0; r < rows.size(); ++r) {
+                    auto const row = static_cast<std::int64_t>(r);
+                    Index3 const cell = inside.lower + Index3{0, row % ny, row / ny}; // rows count x themselves
+                    sum.add(rows[r],
+                            {brick.lower.x, brick.lower.y + cell.y * width.y, brick.lower.z + cell.z * width.z},
+                            width.x, to);
+                }
             }
             at_a += static_cast<std::size_t>(brick.cells()) * size_of(ha.dtype);
             at_b += static_cast<std::size_t>(brick.cells()) * size_of(hb.dtype);
         }
     }
-    sum.end(ha.cell_count, to);
+    sum.end(count, to);
 }
 
 } // namespace

@@ -57,17 +57,21 @@ void Crop::check() const {
 
 /// The region in voxels, or in finest cells.
 SteppedBox Crop::wanted(Header const& in) const {
+    bool const tree = in.kind == Kind::hierarchical;
     if (!like_.file.empty()) {
         Header const& like = like_.header();
-        Box const box = voxels_between_faces(in.geometry, in.dims, geometry_beside(in, like), like.dims);
+        Box box = voxels_between_faces(in.geometry, in.dims, geometry_beside(in, like), like.dims);
+        if (tree) box = intersect(box, region_of(in));
         if (box.empty())
             throw Error(ErrorKind::usage, text("the volume does not overlap ", like_.file),
                         "compare the extents with 'vkt info'");
         return {box};
     }
-    if (!world_.empty()) return {world_.resolve(in.geometry, in.dims)};
-    if (in.kind == Kind::hierarchical) return {resolve_in_tree(region_, in)};
-    return region_.resolve_steps(in.dims);
+    if (!tree)
+        return world_.empty() ? region_.resolve_steps(in.dims) : SteppedBox{world_.resolve(in.geometry, in.dims)};
+    Box const box = world_.empty() ? resolve_in_tree(region_, in) : resolve_in_tree(world_, in);
+    require_in_region(box, in); // as where the bricks are cut
+    return {box};
 }
 
 Plan Crop::plan(std::span<Header const> inputs) const {

@@ -7,6 +7,7 @@ import os
 import pathlib
 import shlex
 import shutil
+import signal
 import struct
 import subprocess
 import tempfile
@@ -67,8 +68,9 @@ def view(volume: "Volume | np.ndarray | str | os.PathLike[str]", *, wait: bool =
     process, log, feeder = _started(words, source, None)
     if not wait:
         return process
-    feeder.join()
-    _finished(process, log, words)
+    with _ended(process):
+        feeder.join()
+        _finished(process, log, words)
     return None
 
 
@@ -185,6 +187,23 @@ def _started(words, source, stdout):
     return process, log, feeder
 
 
+@contextlib.contextmanager
+def _ended(process):
+    """Who is interrupted here does not leave the program behind: a notebook interrupts the interpreter alone. As with
+    Ctrl-C in a terminal, a picture that is being drawn is saved as it is; what does not end within seconds is killed."""
+    try:
+        yield
+    except BaseException:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(5)
+            except BaseException:
+                process.kill()
+                process.wait()
+        raise
+
+
 def _finished(process, log, words, good=(0,)):
     """What it noted, without the name in front."""
     status = process.wait()
@@ -207,10 +226,11 @@ def _run(words, arguments, options):
 def _run_status(words, arguments, options, good=(0, 1)):
     words, source = _words(words, arguments, options)
     process, log, feeder = _started(words, source, subprocess.PIPE)
-    with process.stdout:
-        output = process.stdout.read()
-    feeder.join()
-    status = process.wait()
-    # A status that answers a question comes with an answer.
-    notes = _finished(process, log, words, good if output else (0,))
+    with _ended(process):
+        with process.stdout:
+            output = process.stdout.read()
+        feeder.join()
+        status = process.wait()
+        # A status that answers a question comes with an answer.
+        notes = _finished(process, log, words, good if output else (0,))
     return output, notes, status

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: MIT
 import ctypes
 import os
+import threading
 
 import numpy as np
-
 
 
 def _loaded():
@@ -46,6 +46,7 @@ class Description(ctypes.Structure):
 VoxelFunction = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_double,
                                  ctypes.c_void_p)
 ReleaseFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+ProgressFunction = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)  # the user pointer that follows is none
 
 
 def _declare():
@@ -111,6 +112,7 @@ def _declare():
         "vkt_surface_remarks": (text, [volume]),
         "vkt_surface_write": (ctypes.c_int, [volume, text, words, size]),
         "vkt_free_surface": (None, [volume]),
+        "vkt_set_progress": (None, [ProgressFunction, ctypes.c_void_p]),
         "vkt_trim": (size, []),
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
@@ -140,7 +142,45 @@ class Error(Exception):
         return Error, self._arguments
 
 
+_raised: list = []  # by handlers of signals, while a call of the library was running
+
+
+def _signals():
+    """Handlers of signals run, Python's own for Ctrl-C among them, whenever a call says how far it is; what one raises ends
+    the call and comes out of check(). It is a generator because the interpreter runs handlers when it enters a function,
+    where no "try" of that function holds yet, but when it resumes a generator where that stands, inside of it."""
+    answer = 0
+    while True:
+        try:
+            while True:
+                yield answer
+                answer = 0
+        except GeneratorExit:
+            return
+        except BaseException as error:
+            _raised.append(error)
+            answer = 1
+
+
+def _interruptible():
+    """Calls of the main thread, in which alone handlers of signals run, can be interrupted. Returns what must stay."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    watching = _signals()
+    next(watching)
+    function = ProgressFunction(watching.send)
+    library.vkt_set_progress(function, None)
+    return function
+
+
+_watcher = _interruptible()
+
+
 def check(status):
+    if _raised and threading.current_thread() is threading.main_thread():
+        error = _raised[0]
+        _raised.clear()
+        raise error
     if status != 0:
         message, hint = library.vkt_error().decode(), library.vkt_error_hint().decode()
         if hint:
@@ -149,9 +189,17 @@ def check(status):
         raise Error(message, status, hint)
 
 
+def word_of(word):
+    """A word or a path for C, where a NUL would end it."""
+    encoded = os.fsencode(word)
+    if b"\0" in encoded:
+        raise Error(f"{word!r} holds a NUL, which no name and no word of a command may", 2)
+    return encoded
+
+
 def words_of(words):
     """A list of words for C, and how many they are."""
-    return (ctypes.c_char_p * len(words))(*(os.fsencode(word) for word in words)), len(words)
+    return (ctypes.c_char_p * len(words))(*map(word_of, words)), len(words)
 
 
 def value_word(value):

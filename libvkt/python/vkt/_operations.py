@@ -7,6 +7,7 @@ import json
 import keyword
 import os
 import shlex
+import sys
 import textwrap
 import typing
 import warnings
@@ -124,9 +125,21 @@ def transformed(volume, what, others, options):
             raised.append(error)
             return 0.0
 
+    others_hook = sys.unraisablehook
+
+    def hook(lost):  # a signal that came as the interpreter entered the function, where no "try" holds yet
+        if lost.object is called:
+            raised.append(lost.exc_value)
+        else:
+            others_hook(lost)
+
     handle = ctypes.c_void_p()
-    status = library.vkt_transform(volume._handle, VoxelFunction(called), None, *words_of(option_words(options)),
-                                   ctypes.byref(handle))
+    sys.unraisablehook = hook
+    try:
+        status = library.vkt_transform(volume._handle, VoxelFunction(called), None, *words_of(option_words(options)),
+                                       ctypes.byref(handle))
+    finally:
+        sys.unraisablehook = others_hook
     if raised:
         if status == 0:
             library.vkt_free(handle)

@@ -7,7 +7,7 @@ from typing import Any, Iterable, Iterator, overload
 
 import numpy as np
 
-from ._library import Error, check, library, option_words, words_of
+from ._library import Error, check, library, option_words, word_of, words_of
 from ._volume import Volume, read
 
 
@@ -29,10 +29,10 @@ class Series:
     def __iter__(self) -> "Iterator[Volume]":
         numbers = self._numbers
         if numbers is None:
-            return read_all(library.vkt_series_open, os.fsencode(self._path), *words_of(option_words(self._options)))
+            return read_all(library.vkt_series_open, word_of(self._path), *words_of(option_words(self._options)))
         if len(numbers) > 1 and numbers.step > 0:
             index = f"{numbers.start}:{numbers.stop}:{numbers.step}"
-            return read_all(library.vkt_series_open, os.fsencode(self._path),
+            return read_all(library.vkt_series_open, word_of(self._path),
                             *words_of(option_words({**self._options, "index": index})))
         return (self._at(number) for number in numbers)
 
@@ -49,7 +49,7 @@ class Series:
                 raise TypeError(f"'{os.fspath(self._path)}' can be read only once, and says how many volumes it holds by "
                                 "that")
             count = ctypes.c_int64()
-            check(library.vkt_count_volumes(os.fsencode(self._path), *words_of(option_words(self._options)),
+            check(library.vkt_count_volumes(word_of(self._path), *words_of(option_words(self._options)),
                                             ctypes.byref(count)))
             self._count = count.value
         return self._count
@@ -111,7 +111,7 @@ def write_series(volumes: "Iterable[Volume | np.ndarray]", path: "str | os.PathL
         raise TypeError(f"a series is several volumes, and this is {type(volumes).__name__}: [volume, volume], "
                         "volume.write(path)")
     writer = ctypes.c_void_p()
-    check(library.vkt_series_create(os.fsencode(path), *words_of(option_words(options)), ctypes.byref(writer)))
+    check(library.vkt_series_create(word_of(path), *words_of(option_words(options)), ctypes.byref(writer)))
     try:
         for volume in volumes:
             if not isinstance(volume, (Volume, np.ndarray)):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._library import check, library, option_words, words_of
+from ._library import check, library, option_words, word_of, words_of
 
 
 class _View(ctypes.Structure):
@@ -57,7 +57,7 @@ class Surface:
 
     def write(self, path: "str | os.PathLike[str]", **options: Any) -> None:
         """A file .stl, .ply, .obj or .vtp. Options: format, ascii, normals, force."""
-        check(library.vkt_surface_write(self._handle, os.fsencode(path), *words_of(option_words(options))))
+        check(library.vkt_surface_write(self._handle, word_of(path), *words_of(option_words(options))))
 
 
 def surface(volume: "Volume", **options: Any) -> "Surface":

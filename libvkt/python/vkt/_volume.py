@@ -10,7 +10,7 @@ from typing import Any, Sequence
 import numpy as np
 
 from . import _cuda, _dlpack, _notebook, _operations, _picture
-from ._library import Description, Error, ReleaseFunction, check, library, option_words, text_of, words_of
+from ._library import Description, Error, ReleaseFunction, check, library, option_words, text_of, word_of, words_of
 
 # Arrays whose voxels volumes use in place, until no volume uses them any more.
 _kept = {}
@@ -89,10 +89,8 @@ class Volume:
             "kind": "structured",
             "dims": ((1,) * (3 - array.ndim) + array.shape)[::-1],
             "dtype": array.dtype.name,
-            "spacing": np.broadcast_to(np.asarray(spacing, float), 3).tolist() if spacing is not None
-            else told.get("spacing", [1, 1, 1]),
-            "origin": np.asarray(origin, float).reshape(3).tolist() if origin is not None
-            else told.get("origin", [0, 0, 0]),
+            "spacing": _three("spacing", spacing) if spacing is not None else told.get("spacing", [1, 1, 1]),
+            "origin": _three("origin", origin) if origin is not None else told.get("origin", [0, 0, 0]),
             "direction": direction,
             "slope": float(slope) if slope is not None else told.get("slope", 1),
             "intercept": float(intercept) if intercept is not None else told.get("intercept", 0),
@@ -270,7 +268,7 @@ class Volume:
     def write(self, path: "str | os.PathLike[str]", **options: Any) -> None:
         """Writes a file whose name tells the format. Options are those of `vkt write`: force, compress, format; into an
         HDF5 dataset or a Zarr array that is there, write("file.h5:/data", at=(x, y, z), force=True)."""
-        check(library.vkt_write(self._handle, os.fsencode(path), *words_of(option_words(options))))
+        check(library.vkt_write(self._handle, word_of(path), *words_of(option_words(options))))
 
     def apply(self, name: str, *arguments: Any, **options: Any) -> Any:
         """vkt.apply() with this volume as the first input: apply("flip x"), apply("diff", other)["rmse"]."""
@@ -295,6 +293,15 @@ class Volume:
         return _notebook.html(self)
 
 
+def _three(name, value):
+    numbers = np.asarray(value, float)
+    if numbers.size == 3:
+        return numbers.reshape(3).tolist()
+    if name == "spacing" and numbers.size == 1:  # of cubes
+        return [float(numbers.reshape(()))] * 3
+    raise Error(f"{name} is three numbers, for x, y and z, and these are {numbers.size}", 2)
+
+
 def _from_voxels(header, voxels):
     """A volume again of what __reduce_ex__ gave; its voxels are those of the pickle."""
     array = np.frombuffer(voxels, np.dtype(json.loads(header)["dtype"]))
@@ -312,7 +319,7 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     personal, and trust_paths=True for headers that may name files anywhere; and index, counted from 0, for a file that
     holds several volumes, which read_series() reads all. roi may be slices or pairs in the order x, y, z: roi=numpy.s_[0:10, :, 4:]."""
     handle = ctypes.c_void_p()
-    check(library.vkt_read(os.fsencode(path), *words_of(option_words(options)), ctypes.byref(handle)))
+    check(library.vkt_read(word_of(path), *words_of(option_words(options)), ctypes.byref(handle)))
     return Volume._of(handle)
 
 
