@@ -304,8 +304,8 @@ void time_all() {
             }
             for (char const* const words : {"project median --axis z", "project median --axis x", "scan"})
                 time_words(words_of(words), type, n, line);
-            auto const percentiles = operation_of(words_of("convert --dtype uint8 --range p1:p99"));
-            time_scan(*percentiles, "percentiles of convert --range p1:p99", type, n, line);
+            auto const percentiles = operation_of(words_of("histogram --range p1:p99"));
+            time_scan(*percentiles, "histogram --range p1:p99", type, n, line);
             if (n == 512 && type == DataType::uint8) time_shapes(n, line);
             device_free(from);
             device_free(to);
