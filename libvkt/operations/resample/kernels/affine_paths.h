@@ -141,7 +141,7 @@ __device__ __noinline__ driver::LossCounts paths_left_in(PathsSample<T> const& a
 /// Results go through shared memory, lest rows of the output be written in pieces. The same bits as CPUs; what is near
 /// a face or beside a voxel that is not finite is left for the end.
 template <class T, int along>
-__global__ void __launch_bounds__(256, 3)
+__global__ void __launch_bounds__(256, 4)
     paths_kernel(__grid_constant__ driver::Blocks const blocks, __grid_constant__ PathsSample<T> const all,
                  unsigned long long* totals) {
     using Block = PathBlock<along>;
