@@ -113,7 +113,9 @@ public:
             lines_of_.push_back(source(1, y));
             if (lines_of_.back() != border) rows_.push_back(lines_of_.back());
         }
-        std::ranges::sort(rows_);
+        // Mostly they are in order. Compiled for one instruction set, std::sort() would stand in for the others.
+        for (std::size_t i = 1; i < rows_.size(); ++i)
+            for (std::size_t k = i; k > 0 && rows_[k] < rows_[k - 1]; --k) std::swap(rows_[k], rows_[k - 1]);
         rows_.erase(std::unique(rows_.begin(), rows_.end()), rows_.end());
         for (std::int64_t& line : lines_of_)
             if (line != border) line = std::ranges::lower_bound(rows_, line) - rows_.begin();
