@@ -57,11 +57,12 @@ void sample_strip_single(T const* data, std::int64_t across, std::int64_t along,
     make_between<T>(static_cast<float const*>(to), n, [&](auto const between) {
 #pragma omp simd
         for (std::int32_t i = 0; i < n; ++i) {
-            auto const along_x = [&](int k) {
-                return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), at.fx[i]);
-            };
-            float value = between(along_x(0), along_x(1), f[i]);
-            if constexpr (Rows == 4) value = between(value, between(along_x(2), along_x(3), f[i]), at.fz[i]);
+            float along_x[Rows];
+            for (int k = 0; k < Rows; ++k)
+                along_x[k] =
+                    between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), at.fx[i]);
+            float value = between(along_x[0], along_x[1], f[i]);
+            if constexpr (Rows == 4) value = between(value, between(along_x[2], along_x[3], f[i]), at.fz[i]);
             to[i] = value;
         }
     });
@@ -74,8 +75,9 @@ void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice,
     make_between<T>(static_cast<float const*>(to), n, [&](auto const between) {
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) {
-            auto const v = [&](std::int64_t at) { return static_cast<float>(from[i + at]); };
-            to[i] = between(between(v(0), v(row), fy), between(v(slice), v(slice + row), fy), fz);
+            auto const a = static_cast<float>(from[i]), b = static_cast<float>(from[i + row]),
+                       c = static_cast<float>(from[i + slice]), d = static_cast<float>(from[i + slice + row]);
+            to[i] = between(between(a, b, fy), between(c, d, fy), fz);
         }
     });
 }
