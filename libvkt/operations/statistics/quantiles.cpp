@@ -21,6 +21,7 @@ namespace {
 constexpr std::int64_t most_collected = std::int64_t{1} << 18;
 constexpr std::size_t bins = 65536;
 constexpr int most_threads = 16;
+constexpr std::int64_t piece = 65536; ///< of a row, that a thread takes
 
 } // namespace
 
@@ -83,7 +84,6 @@ void Quantiles::add_counts(ConstView slab, int threads, Execution const& executi
 
 void Quantiles::add_keys(ConstView slab, int threads) {
     Index3 const n = slab.dims();
-    constexpr std::int64_t piece = 65536;
     std::int64_t const pieces = (n.x + piece - 1) / piece;
     FirstFailure failure; // they may find no memory
     with_type(type_, [&]<class T>(T) {
