@@ -219,7 +219,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
         auto const result =
             gpus == 1 ? std::move(shares.front().source) : divided(std::move(shares), prepared.execution);
         result->next_volume();
-        volume = load(*result, prepared.execution);
+        volume = load(*result, on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers));
     }
     if (options.reporter != nullptr && prepared.operation->reports()) *options.reporter = std::move(prepared.operation);
     return volume;
