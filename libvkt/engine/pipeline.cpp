@@ -295,9 +295,10 @@ Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution 
     keep_blocks(execution.memory);
     auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
     auto const headers = collect(inputs, [](Volume const& input) { return input.header(); });
-    auto const result = attach(std::move(sources), operation, on_whole_volumes(execution, operation, headers), {});
+    Execution const whole = on_whole_volumes(execution, operation, headers);
+    auto const result = attach(std::move(sources), operation, whole, {});
     result->next_volume();
-    return load(*result, execution);
+    return load(*result, whole);
 }
 
 } // namespace vkt

@@ -207,9 +207,9 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
             others.back().info.listener = {};
         }
         std::vector<Share> shares;
+        Execution const whole = on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers);
         auto const add = [&](Prepared& one, int gpu) {
-            Execution execution = on_whole_volumes(one.execution, *one.operation, one.headers);
-            if (gpus > 1) execution = share_of(execution, gpus);
+            Execution execution = gpus > 1 ? share_of(whole, gpus) : whole;
             execution.gpu += gpu;
             shares.push_back({attach(std::move(one.sources), *one.operation, execution, std::move(one.info)),
                               {one.operation.get()}});
@@ -219,7 +219,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
         auto const result =
             gpus == 1 ? std::move(shares.front().source) : divided(std::move(shares), prepared.execution);
         result->next_volume();
-        volume = load(*result, on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers));
+        volume = load(*result, whole);
     }
     if (options.reporter != nullptr && prepared.operation->reports()) *options.reporter = std::move(prepared.operation);
     return volume;

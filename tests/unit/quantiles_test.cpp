@@ -23,13 +23,15 @@ std::vector<double> found(std::vector<T> const& values, DataType type, std::int6
     auto const n = static_cast<std::int64_t>(values.size());
     Index3 const dims{n / 20, 2, 10};
     Quantiles q(type, {std::begin(percents), std::end(percents)}, said == 0 ? n : said);
+    Execution execution;
+    execution.threads = threads;
     int passes = 0;
     do {
         ++passes;
         for (std::int64_t z = 0; z < dims.z; z += height) {
             Box const box{{0, 0, z}, {dims.x, dims.y, std::min(z + height, dims.z)}};
             q.add(dense_view(reinterpret_cast<std::byte const*>(values.data() + z * dims.x * dims.y), type, box),
-                  threads, {});
+                  execution);
         }
     } while (q.end_pass());
     EXPECT_LE(passes, 4);
@@ -108,7 +110,7 @@ TEST(Quantiles, LargeIntegersKeepTheirLastDigits) {
         Quantiles q(DataType::int64, {0, 50, 100}, said);
         do
             q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::int64, box_of({2000, 1, 1})),
-                  1, {});
+                  {});
         while (q.end_pass());
         EXPECT_EQ(q.percentile(0).whole, 1700000000000000001);
         EXPECT_EQ(q.percentile(1) - q.percentile(0), 999.5);
@@ -121,7 +123,7 @@ TEST(Quantiles, NotANumberDoesNotCount) {
     values[4] = std::nanf("");
     values[5] = INFINITY;
     Quantiles q(DataType::float32, {50}, 20);
-    q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::float32, box_of({20, 1, 1})), 1, {});
+    q.add(dense_view(reinterpret_cast<std::byte const*>(values.data()), DataType::float32, box_of({20, 1, 1})), {});
     EXPECT_FALSE(q.end_pass());
     EXPECT_EQ(q.count(), 18);
     EXPECT_EQ(q.percentile(0).value(), 3);

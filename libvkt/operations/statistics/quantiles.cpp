@@ -63,10 +63,11 @@ void Quantiles::begin_pass() {
     shares_.push_back(empty_share());
 }
 
-void Quantiles::add(ConstView slab, int threads, Execution const& execution) {
+void Quantiles::add(ConstView slab, Execution const& execution) {
     on_device_ = on_device_ || slab.space == Space::device;
-    threads =
-        static_cast<int>(std::clamp<std::int64_t>(slab.box.voxels() / 65536, 1, std::clamp(threads, 1, most_threads)));
+    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * state_bytes(type_, 1)));
+    auto const useful = std::min<std::int64_t>({slab.box.voxels() / 65536, fitting, execution.threads, most_threads});
+    int threads = static_cast<int>(std::max<std::int64_t>(useful, 1));
     if (on_device_) threads = 1;
     while (shares_.size() < static_cast<std::size_t>(threads))
         shares_.push_back(empty_share()); // later ones are larger

@@ -46,8 +46,8 @@ public:
     /// `percents` in [0,100]; `voxels`: how many will be added in a pass.
     Quantiles(DataType type, std::vector<double> percents, std::int64_t voxels);
 
-    /// With so many threads, if they are a CPU's. Voxels lie in the memory of `execution`.
-    void add(ConstView slab, int threads, Execution const& execution);
+    /// Voxels lie in the memory of `execution`. The counters of its threads take no more than an eighth of its budget.
+    void add(ConstView slab, Execution const& execution);
     /// After every voxel was added once: true if all must be added once more.
     bool end_pass();
 

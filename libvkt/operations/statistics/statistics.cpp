@@ -166,12 +166,6 @@ void Statistics::enter_level(Index3 cell_width, Index3 first) {
     level_->cell = cell;
 }
 
-void Statistics::add_to_quantiles(ConstView part, Execution const& execution) {
-    // Every thread has counters of its own; all together they take no more than an eighth of the budget.
-    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(input_.dtype, 1)));
-    quantiles_->add(part, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)), execution);
-}
-
 void Statistics::append(Moments const& slice, bool exact) {
     total_.append(slice, exact);
     if (level_ != nullptr) level_->moments.append(slice, exact);
@@ -188,7 +182,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     if (box.empty()) return;
     ConstView const part = slab.part(box);
     if (background_) return scan_foreground(part, execution);
-    if (quantiles_) add_to_quantiles(part, execution);
+    if (quantiles_) quantiles_->add(part, execution);
     if (!first_pass_) return;
     Index3 const n = box.dims();
     std::int64_t const bands = bands_in_slice(n, part.type);
@@ -231,7 +225,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
 void Statistics::scan_foreground(ConstView part, Execution const& execution) {
     ConstView const cells = without_background(part, *background_, foreground_);
     if (cells.box.empty()) return;
-    if (quantiles_) add_to_quantiles(cells, execution);
+    if (quantiles_) quantiles_->add(cells, execution);
     if (!first_pass_) return;
     bands_.resize(1); // one row
     if (!origin_.known) origin_ = first_finite(cells);

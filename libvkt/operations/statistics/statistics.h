@@ -253,7 +253,6 @@ private:
     std::optional<Quantiles> quantiles_for(Header const& in) const;
     void append(SliceStatistics const& slice);
     void append(Moments const& slice, bool exact);
-    void add_to_quantiles(ConstView part, Execution const& execution);
     void scan_foreground(ConstView part, Execution const& execution);
     void merge_extremes(ConstView slab);
     void merge_extremes(ConstView slab, Range const& range);
