@@ -67,10 +67,15 @@ template <class F> void for_each_segment(Execution const& execution, Box const& 
                       std::int64_t piece = begin % pieces;
                       std::int64_t y = box.lower.y + begin / pieces % dims.y;
                       std::int64_t z = box.lower.z + begin / pieces / dims.y;
+                      std::int64_t untold = segment_voxels; // short rows would take longer to tell of than to make
                       for (std::int64_t item = begin; item < end; ++item) {
-                          tell_progress(execution, begin, item, end);
-                          std::int64_t const x = piece * segment_voxels;
-                          f(box.lower.x + x, y, z, std::min(segment_voxels, dims.x - x));
+                          if (untold >= segment_voxels) {
+                              tell_progress(execution, begin, item, end);
+                              untold = 0;
+                          }
+                          std::int64_t const x = piece * segment_voxels, n = std::min(segment_voxels, dims.x - x);
+                          untold += n;
+                          f(box.lower.x + x, y, z, n);
                           if (++piece < pieces) continue;
                           piece = 0;
                           if (++y < box.upper.y) continue;
