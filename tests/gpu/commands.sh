@@ -301,14 +301,36 @@ refused() {
 "$vkt" convert tree.vkt --dtype float64 -o wide.vkt
 "$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
 refused stats a_uint8.vkt --per z
-refused stats tree.vkt
 refused label a_uint8.vkt --by-value
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
 refused diff a_uint8.vkt b_uint8.vkt --ssim
-refused crop tree.vkt --roi 1:5,:,:
+refused refine a_float32.vkt
+refused make amr
 refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
+
+# Trees that stay trees: cells as they come, and near others; in groups of bricks that a budget makes small, too.
+"$vkt" make amr --field disk --blocks 900 --levels 4 --dtype uint16 -o many.vkt
+for tree in tree.vkt wide.vkt whole.vkt many.vkt; do
+    for command in 'convert --dtype uint8' 'convert --dtype int16 --range minmax' 'convert --dtype auto' \
+        'convert --dtype uint8 --range p5:p95' 'arith mul - 3' 'arith gt - 0.5' "arith absdiff - $work/$tree" \
+        'transform v*x+y-z' 'transform v*2+1' 'fill --value 7 --roi 3:40,5:,:20' 'threshold --otsu' 'threshold --above 0.5' \
+        'crop --roi 3:40,5:,:20' 'flip x' 'flip y' 'flip z' 'permute zyx' 'permute yxz' 'permute zxy' \
+        'morphology dilate --radius 1' 'filter median --radius 1' 'filter box --radius 1' 'filter box --radius 2 --memory 2M' \
+        'convert --dtype float64 --memory 2M'; do
+        same 0 "$vkt read $tree | $vkt $command --device \$DEVICE -q"
+    done
+    for command in 'filter gaussian --sigma 2' 'filter sobel' 'filter gradient' 'filter sharpen --sigma 1'; do
+        same 1e-5 "$vkt read $tree | $vkt $command --dtype float32 --device \$DEVICE -q"
+    done
+    for command in 'stats --json' 'stats --json --roi 3:40,5:,:20' 'stats --json --percentiles 1,50,99' 'stats --json --memory 2M' \
+        'histogram --json' 'histogram --json --roi 3:40,5:,:20 --bins 77' "diff - $work/tree.vkt --json --tolerance inf"; do
+        same text "$vkt read $tree | $vkt $command --device \$DEVICE"
+    done
+    same 0 "$vkt pipe 'read $tree | crop --roi 3:40,5:,:20 | arith mul - 2 | flip y | filter median --radius 1 | permute zyx' -q"
+    same 1e-5 "$vkt pipe 'read $tree | crop --roi 3:40,5:,:20 | arith mul - 2 | flip y | resample --method average' -q"
+done
 
 # Trees to grids: cells as they are, and sums in float32.
 for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \

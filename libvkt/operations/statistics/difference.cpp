@@ -100,9 +100,8 @@ Box cells_reaching_into(Box const& region, Brick const& brick, Index3 width) {
 
 /// Cell by cell, where the trees are the same; of bricks that stick out of the region of both, those that reach into
 /// it.
-void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& to) {
-    if (execution.only_gpu) refuse_cpu("diff of hierarchical volumes");
-    execution.device = Device::cpu;
+void compare_trees(Source& a, Source& b, Execution const& execution, DifferenceResult& to) {
+    Execution const on = where_looked_at(execution, false);
     BrickSequence cells_a = a.take_bricks(), cells_b = b.take_bricks();
     BrickTable const& bricks = cells_a.bricks();
     to.same_tree = bricks == cells_b.bricks();
@@ -114,7 +113,7 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
     std::int64_t count = 0;
     for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
         n = cells_a.group(first, brick_group_bytes);
-        std::byte const *at_a = cells_a.cells(first, n), *at_b = cells_b.cells(first, n);
+        std::byte const *at_a = cells_a.cells(first, n, on.space()), *at_b = cells_b.cells(first, n, on.space());
         for (std::size_t i = first; i < first + n; ++i) {
             Brick const brick = bricks[i];
             Box const box = box_of(brick.dims);
@@ -124,9 +123,9 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
                 count += inside.voxels();
                 std::int64_t const ny = inside.dims().y;
                 rows.resize(static_cast<std::size_t>(ny * inside.dims().z));
-                difference_rows({dense_view(at_a, ha.dtype, box).part(inside),
-                                 dense_view(at_b, hb.dtype, box).part(inside), ha.values, hb.values},
-                                rows.data(), execution);
+                difference_rows({dense_view(at_a, ha.dtype, box, on.space()).part(inside),
+                                 dense_view(at_b, hb.dtype, box, on.space()).part(inside), ha.values, hb.values},
+                                rows.data(), on);
                 for (std::size_t r = 0; r < rows.size(); ++r) {
                     auto const row = static_cast<std::int64_t>(r);
                     Index3 const cell = inside.lower + Index3{0, row % ny, row / ny}; // rows count x themselves
