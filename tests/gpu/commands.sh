@@ -235,8 +235,16 @@ for type in $types; do
     for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
         'project sum --axis y' 'project median --axis x' 'project median --axis y' 'project median --roi 3:,1:,2:' scan 'scan --exclusive' 'scan --roi 3:,1:,2:' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
         label 'label --connectivity 18 --roi 3:,1:,2:' 'label --connectivity 26 --min-size 3 --dtype uint16' fill-holes \
+        'label --by-value' 'label --by-value --connectivity 18 --slab 2' 'label --by-value --connectivity 26 --roi 3:,1:,2:' \
         'fill-holes --connectivity 26 --value 3' 'fill-holes --roi 3:,1:,2:' 'slice --axis y' 'slice --z 3 --range minmax'; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
+    done
+    # Of three values, large components and small ones, and what is told of them.
+    "$vkt" make noise --dims 75 31 17 --dtype "$type" --high 100 --seed 2 |
+        "$vkt" transform 'v>85 ? 0 : v<70 ? 1+floor(mod(x/9+y/7+z/5,3)) : 1+floor(mod(v,3))' -q -o "few_$type.vkt"
+    for options in '--connectivity 6' '--connectivity 18 --slab 3' '--connectivity 26' '--connectivity 26 --roi 3:70,1:,2: --min-size 4'; do
+        facts="facts_${type}_$(echo "$options" | cksum | cut -d ' ' -f 1).json"
+        same text "$vkt label few_$type.vkt --by-value $options --device \$DEVICE -q --no-history --force --report $facts | cksum && cat $facts"
     done
     # Sums of halves are rounded once, on CPUs only.
     [ "$type" = float16 ] || same "$tolerance" "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
@@ -302,7 +310,6 @@ refused() {
 "$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
 refused stats a_uint8.vkt --per z
 refused stats tree.vkt
-refused label a_uint8.vkt --by-value
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
 refused diff a_uint8.vkt b_uint8.vkt --ssim
