@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/shape/kernels/device_components.h"
 
+#include "libvkt/kernel/cuda_sums.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/shape/kernels/device_objects.h"
@@ -129,26 +130,6 @@ void pack(DeviceComponents& components, ConstView in, std::optional<double> zero
 
 constexpr int items_of_thread = 4;
 
-__device__ unsigned sum_before(unsigned mine, unsigned& total) {
-    __shared__ unsigned warps[block / 32];
-    auto const lane = static_cast<int>(threadIdx.x % 32), warp = static_cast<int>(threadIdx.x / 32);
-    unsigned sum = mine;
-    for (int by = 1; by < 32; by *= 2) {
-        unsigned const below = __shfl_up_sync(~0u, sum, by);
-        sum += lane >= by ? below : 0;
-    }
-    if (lane == 31) warps[warp] = sum;
-    __syncthreads();
-    unsigned before = 0, all = 0;
-    for (int w = 0; w < block / 32; ++w) {
-        before += w < warp ? warps[w] : 0;
-        all += warps[w];
-    }
-    total = all;
-    __syncthreads();
-    return before + sum - mine;
-}
-
 /// With `before` what comes before each of n items, given sums of blocks; without it these sums.
 template <class Count>
 __global__ void __launch_bounds__(block)
@@ -159,7 +140,7 @@ __global__ void __launch_bounds__(block)
         counts[k] = first + k < n ? count(first + k) : 0;
         mine += counts[k];
     }
-    unsigned sum = sum_before(mine, total);
+    unsigned sum = driver::sum_before<block>(mine, total);
     if (before == nullptr) {
         if (threadIdx.x == 0) sums[blockIdx.x] = total;
         return;
