@@ -214,6 +214,30 @@ for type in $types; do
         same 1e-6 "$vkt clahe a_$type.vkt --bricks 3,2,2 --clip-as $rule --bins 40 --range 10:60 --slab 2 --device \$DEVICE -q"
     done
 done
+# Statistics of groups: of few voxels each and of many, of labels that need all bits, of masks, of rows that come in
+# pieces; exactly what is kept.
+"$vkt" make noise --dims 61 23 17 --dtype uint8 --seed 7 | "$vkt" threshold --above 50 -o mask.vkt
+"$vkt" make noise --dims 61 23 17 --dtype uint16 --high 60000 --seed 8 -o many.vkt
+"$vkt" transform 'x<9 ? -1 : x<30 ? 1099511627776*floor(y/5) : z' a_uint8.vkt --dtype int64 -q -o spread.vkt
+"$vkt" make noise --dims 131 370 5 --dtype uint8 --seed 4 -o tall_labels.vkt
+for type in $types; do
+    volumes="a_$type.vkt mapped_$type.vkt positive_$type.vkt"
+    case $type in float*) volumes="$volumes odd_$type.vkt none_$type.vkt" ;; esac
+    [ "$type" != float64 ] || volumes="$volumes scaled_1e200.vkt scaled_1e-200.vkt scaled_1e-310.vkt"
+    for volume in $volumes; do
+        for options in '--per x' '--per y' '--per z' '--mask mask.vkt' '--mask mask.vkt --per y' '--labels mask.vkt' \
+            '--labels many.vkt --mask mask.vkt' '--labels spread.vkt' '--labels spread.vkt --roi 5:,1:,2: --slab 1' \
+            '--per z --mask mask.vkt --roi 3:50,:,2:'; do
+            same text "$vkt stats $volume $options --device \$DEVICE --mergeable"
+        done
+    done
+    "$vkt" make noise --dims 131 370 5 --dtype "$type" --seed 6 -o "tall_$type.vkt"
+    for options in '--labels tall_labels.vkt' '--per x --slab 2' '--per y' '--per z' '--labels tall_labels.vkt --memory 4M'; do
+        same text "$vkt stats tall_$type.vkt $options --device \$DEVICE --mergeable"
+        same text "$vkt stats tall_$type.vkt $options --device \$DEVICE --csv"
+    done
+done
+same text "$vkt pipe 'read tall_float32.vkt | flip x | stats --per z --json'"
 # Percentiles: all voxels kept, or counted by their first bits and then by the next ones.
 for type in $types; do
     "$vkt" make noise --dims 131 70 57 --dtype "$type" --high 100 --seed 3 |
@@ -235,8 +259,16 @@ for type in $types; do
     for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
         'project sum --axis y' 'project median --axis x' 'project median --axis y' 'project median --roi 3:,1:,2:' scan 'scan --exclusive' 'scan --roi 3:,1:,2:' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
         label 'label --connectivity 18 --roi 3:,1:,2:' 'label --connectivity 26 --min-size 3 --dtype uint16' fill-holes \
+        'label --by-value' 'label --by-value --connectivity 18 --slab 2' 'label --by-value --connectivity 26 --roi 3:,1:,2:' \
         'fill-holes --connectivity 26 --value 3' 'fill-holes --roi 3:,1:,2:' 'slice --axis y' 'slice --z 3 --range minmax'; do
         same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
+    done
+    # Of three values, large components and small ones, and what is told of them.
+    "$vkt" make noise --dims 75 31 17 --dtype "$type" --high 100 --seed 2 |
+        "$vkt" transform 'v>85 ? 0 : v<70 ? 1+floor(mod(x/9+y/7+z/5,3)) : 1+floor(mod(v,3))' -q -o "few_$type.vkt"
+    for options in '--connectivity 6' '--connectivity 18 --slab 3' '--connectivity 26' '--connectivity 26 --roi 3:70,1:,2: --min-size 4'; do
+        facts="facts_${type}_$(echo "$options" | cksum | cut -d ' ' -f 1).json"
+        same text "$vkt label few_$type.vkt --by-value $options --device \$DEVICE -q --no-history --force --report $facts | cksum && cat $facts"
     done
     # Sums of halves are rounded once, on CPUs only.
     [ "$type" = float16 ] || same "$tolerance" "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
@@ -257,6 +289,9 @@ for dims in 150,130,90 900,1500,2; do
         "$vkt" set --spacing 0.3,0.7,2.1 -o "beyond_$dims.vkt"
     same 0 "$vkt distance beyond_$dims.vkt --memory 4M --device \$DEVICE -q"
     same 0 "$vkt distance beyond_$dims.vkt --memory 4M --signed --unit voxel --device \$DEVICE -q"
+    for options in '--per x' '--per y' "--labels beyond_$dims.vkt --slab 1"; do
+        same text "$vkt stats beyond_$dims.vkt $options --memory 16M --device \$DEVICE --mergeable"
+    done
 done
 same 0 "$vkt pipe 'read far_uint8.vkt | fill-holes | distance | flip x | label --connectivity 26 | project max --axis y' -q"
 same 1e-3 "$vkt pipe 'read far_float32.vkt | filter gaussian --sigma 1 | scan | slice --axis x' -q"
@@ -300,8 +335,7 @@ refused() {
 "$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt
 "$vkt" convert tree.vkt --dtype float64 -o wide.vkt
 "$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
-refused stats a_uint8.vkt --per z
-refused label a_uint8.vkt --by-value
+refused stats a_uint8.vkt --per z --percentiles 50
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
 refused diff a_uint8.vkt b_uint8.vkt --ssim

@@ -192,6 +192,23 @@ void thin(Twin& volume, unsigned seed, double share, std::int64_t block) {
             }
     volume.upload();
 }
+/// Voxels that are not zero become 1, 2 or 3: in some blocks of 7 by 5 by 3 all are alike.
+void make_few(Twin& volume) {
+    AnyView const view = volume.view(Space::host);
+    Index3 const n = view.dims();
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t y = 0; y < n.y; ++y)
+            for (std::int64_t x = 0; x < n.x; ++x) {
+                std::byte* const at = view.at(x, y, z);
+                double const v = value_at(view, at);
+                if (v == 0) continue;
+                std::int64_t const block = x / 7 + y / 5 + z / 3;
+                double const few = 1 + static_cast<double>((block % 2 == 0 ? block : static_cast<std::int64_t>(v)) % 3);
+                VoxelBytes const voxel = voxel_bytes(volume.type, few);
+                std::memcpy(at, voxel.data(), size_of(volume.type));
+            }
+    volume.upload();
+}
 /// Some voxels are no numbers.
 void spoil(Twin& volume, std::int64_t every) {
     AnyView const view = volume.view(Space::host);
@@ -242,13 +259,25 @@ void compare_far() {
                     thin(in, 5, share, block);
                     spoil(in, 101);
                     std::string const that = name + " share " + to_text(share) + " of blocks of " + to_text(block);
-                    for (char const* const words : {"label", "label --connectivity 18", "label --connectivity 26",
-                                                    "label --connectivity 26 --keep-largest 2 --dtype uint8",
-                                                    "label --min-size 4 --roi 1:,:,1:"}) {
+                    for (char const* const words :
+                         {"label", "label --connectivity 18", "label --connectivity 26",
+                          "label --connectivity 26 --keep-largest 2 --dtype uint8", "label --by-value",
+                          "label --by-value --connectivity 18", "label --by-value --connectivity 26 --keep-largest 9",
+                          "label --min-size 4 --roi 1:,:,1:", "label --by-value --connectivity 26 --roi 1:,:,1:"}) {
                         if (dims.z < 2 && std::strstr(words, "roi") != nullptr) continue;
                         if (dims.x < 2 && std::strstr(words, "roi") != nullptr) continue;
                         auto const label = operation_of(words_of(words));
                         compare(*label, in, words + that, -1, block > 1 ? 0 : 3);
+                    }
+                    Twin few(type, box_of(dims), 3);
+                    randomise(few, 13);
+                    thin(few, 5, share, block);
+                    make_few(few);
+                    spoil(few, 101);
+                    for (char const* const connectivity : {"6", "18", "26"}) {
+                        auto const label = operation_of({"label", "--by-value", "--connectivity", connectivity});
+                        compare(*label, few, "label --by-value of few values, " + (connectivity + that), -1,
+                                block > 1 ? 0 : 3);
                     }
                     for (char const* const words : {"fill-holes", "fill-holes --connectivity 26 --max-size 3",
                                                     "fill-holes --connectivity 18 --value 9", "slice --axis x",

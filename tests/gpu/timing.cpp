@@ -7,6 +7,7 @@
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/filter/gaussian.h"
 #include "libvkt/operations/resample/resample.h"
+#include "libvkt/operations/statistics/grouped_statistics.h"
 #include "libvkt/operations/statistics/histogram.h"
 #include "libvkt/operations/statistics/statistics.h"
 #include "libvkt/operations/voxels/crop.h"
@@ -180,7 +181,8 @@ template <class Line> void time_shapes(std::int64_t n, Line const& line) {
                                    "all but one", "all but the middle", "ball", "20 sites"}) {
         fill(what);
         if (std::strstr(what, "all") == nullptr && std::strcmp(what, "20 sites") != 0)
-            for (char const* const words : {"label", "label --connectivity 18", "label --connectivity 26"})
+            for (char const* const words : {"label", "label --connectivity 18", "label --connectivity 26",
+                                            "label --by-value", "label --by-value --connectivity 26"})
                 time(words, what);
         time("distance", what);
     }
@@ -293,6 +295,14 @@ void time_all() {
                 time_words(std::move(words), type, n, line);
             Statistics statistics;
             time_scan(statistics, "stats", type, n, line);
+            for (GroupedBy const by : {GroupedBy::x, GroupedBy::y, GroupedBy::z}) {
+                GroupedStatistics slices;
+                slices.by = by;
+                char const* const names[] = {"x", "y", "z"};
+                time_scan(slices,
+                          std::string("stats --per ") + names[static_cast<int>(by) - static_cast<int>(GroupedBy::x)],
+                          type, n, line);
+            }
             Histogram histogram;
             time_scan(histogram, "histogram", type, n, line);
             auto const known = operation_of(words_of("histogram --range 0:256"));

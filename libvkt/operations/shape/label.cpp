@@ -103,6 +103,7 @@ void Label::scan(ConstView whole_rows, Execution const& execution) {
             device_ = std::make_unique<DeviceComponents>();
             device_->dims = region_.dims();
             device_->connectivity = connectivity;
+            device_->by_value = by_value;
         }
         return component_bits(*device_, slab, zero_, execution);
     }

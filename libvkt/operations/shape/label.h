@@ -17,7 +17,7 @@ namespace vkt {
 /// Voxels that are neither (physically) zero nor NaN form components; every other voxel becomes 0. Components are
 /// numbered 1, 2, … by their first voxel in x-fastest order, as SciPy does. Exact. Two passes over the input: one
 /// joins runs of voxels, the other writes; what is held is 4 bytes a run and 72 a component, whatever the slabs are. On
-/// a GPU that is a bit a voxel, 4 bytes for 32 voxels and 12 a run; components by value are found on CPUs only.
+/// a GPU that is a bit a voxel, 4 bytes for 32 voxels and 12 a run; by value, two bits a voxel and 28 a run.
 class Label : public Operation, public Verifiable {
 public:
     int connectivity = 6;  ///< 6, 18 or 26
@@ -41,7 +41,7 @@ public:
     /// Throws Error{failure} if there are more labels than the type has room for.
     void scan_end() override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return !by_value; }
+    bool runs_on_gpu() const override { return true; }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     std::vector<Remark> remarks() const override;
     bool reports() const override { return true; }

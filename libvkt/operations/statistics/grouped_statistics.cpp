@@ -2,13 +2,15 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/grouped_statistics.h"
 
+#include "libvkt/kernel/border.h"
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/common/same_grid.h"
 #include "libvkt/operations/common/zero.h"
+#include "libvkt/operations/statistics/host_sums.h"
+#include "libvkt/operations/statistics/kernels/grouped_sums.h"
 
 #include <algorithm>
-#include <cmath>
 #include <exception>
 #include <limits>
 #include <omp.h>
@@ -17,111 +19,28 @@
 namespace vkt {
 namespace {
 
-/// Sums of one group in one block of rows. Values are stored ones: T's own, Int128 for integers; the product is of
-/// physical ones.
-template <class T> class RunningSums {
-public:
-    static constexpr bool integer = std::is_integral_v<T>;
-    static constexpr bool exact = integer && sizeof(T) <= 4;
-
-    void add(T stored, Index3 at, ValueMap const& map, bool mapped) {
-        if constexpr (!integer) {
-            auto const value = static_cast<double>(stored);
-            if (value != value) {
-                ++m_.nan;
-                return;
-            }
-        }
-        if (!min_.valid || less(stored, low_)) {
-            low_ = stored;
-            min_ = {true, static_cast<double>(stored), whole(stored), at};
-        }
-        if (!max_.valid || less(high_, stored)) {
-            high_ = stored;
-            max_ = {true, static_cast<double>(stored), whole(stored), at};
-        }
-        auto const value = static_cast<double>(stored);
-        if constexpr (!integer) {
-            if (value - value != 0) {
-                (value > 0 ? m_.positive_infinity : m_.negative_infinity) += 1;
-                return;
-            }
-        }
-        if (m_.finite++ == 0) first_ = stored;
-        if constexpr (integer) m_.integer_sum += stored;
-        if constexpr (exact) {
-            auto const size = static_cast<std::uint64_t>(std::abs(static_cast<std::int64_t>(stored)));
-            m_.squares += size * size;
-        } else {
-            long double difference = 0;
-            if constexpr (integer)
-                difference = static_cast<long double>(whole(stored) - whole(first_));
-            else
-                difference = static_cast<long double>(value) - static_cast<double>(first_);
-            differences_ += difference;
-            squares_ += difference * difference;
-        }
-        long double factor = value;
-        if (mapped) factor = static_cast<long double>(map.slope) * value + static_cast<long double>(map.intercept);
-        product_.mantissa *= factor;
-        long double const size = std::abs(product_.mantissa);
-        if (!(size < 0x1p8000L && size > 0x1p-8000L)) product_.multiply({});
-    }
-
-    PartialStatistics partial() const {
-        PartialStatistics p{m_, {}, min_, max_, product_};
-        p.product.multiply({});
-        if (m_.finite == 0) return p;
-        p.origin = {true, static_cast<double>(first_), whole(first_)};
-        if constexpr (!exact) {
-            auto const n = static_cast<long double>(m_.finite);
-            p.moments.mean = differences_ / n;
-            p.moments.deviations = std::max(0.0L, squares_ - differences_ * differences_ / n);
-            if constexpr (!integer) p.moments.sum = n * static_cast<double>(first_) + differences_;
-        }
-        return p;
-    }
-
-private:
-    static bool less(T a, T b) {
-        if constexpr (integer)
-            return a < b;
-        else
-            return static_cast<double>(a) < static_cast<double>(b);
-    }
-    static Int128 whole(T stored) {
-        if constexpr (integer)
-            return stored;
-        else
-            return 0;
-    }
-
-    Moments m_;
-    Extreme min_, max_;
-    Product product_;
-    T low_{}, high_{}, first_{};
-    long double differences_ = 0, squares_ = 0;
-};
-
 /// The groups of one block.
 template <class T> class BlockGroups {
 public:
-    RunningSums<T>& at(std::int64_t key) {
+    using Sums = RunningSums<T, HostNumbers>;
+
+    Sums& at(std::int64_t key) {
         if (last_ == nullptr || key != last_key_) {
             last_ = &groups_[key];
             last_key_ = key;
         }
         return *last_;
     }
-    std::map<std::int64_t, PartialStatistics> partial() const {
+    std::map<std::int64_t, PartialStatistics> partial(DataType type, Box const& box) const {
         std::map<std::int64_t, PartialStatistics> result;
-        for (auto const& [key, sums] : groups_) result.emplace(key, sums.partial());
+        for (auto const& [key, sums] : groups_)
+            result.emplace(key, partial_of(sums.sums(), type, box.lower, box.dims().x));
         return result;
     }
 
 private:
-    std::unordered_map<std::int64_t, RunningSums<T>> groups_; // its elements stay where they are
-    RunningSums<T>* last_ = nullptr;
+    std::unordered_map<std::int64_t, Sums> groups_; // its elements stay where they are
+    Sums* last_ = nullptr;
     std::int64_t last_key_ = 0;
 };
 
@@ -164,46 +83,45 @@ private:
 };
 
 template <class T>
-std::map<std::int64_t, PartialStatistics> block_groups(View<T const> const& voxels, RowKeys rows, Box const& box,
-                                                       ValueMap const& map) {
+std::map<std::int64_t, PartialStatistics> block_groups(View<T const> const& voxels, DataType type, RowKeys rows,
+                                                       Box const& box, ValueMap const& map) {
     std::int64_t const z = box.lower.z;
     auto const n = static_cast<std::size_t>(box.dims().x);
     bool const mapped = !(map == ValueMap{});
     BlockGroups<T> groups;
+    std::int64_t at = 0; // in the block
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
         rows.read(y, z);
-        for (std::size_t i = 0; i < n; ++i) {
-            if (!rows.counts(i)) continue;
-            std::int64_t const x = box.lower.x + static_cast<std::int64_t>(i);
-            groups.at(rows.key(i)).add(voxels(x, y, z), {x, y, z}, map, mapped);
-        }
+        T const* const row = &voxels(box.lower.x, y, z);
+        for (std::size_t i = 0; i < n; ++i, ++at)
+            if (rows.counts(i)) groups.at(rows.key(i)).add(row[i], at, map, mapped);
     }
-    return groups.partial();
+    return groups.partial(type, box);
 }
 
-/// A source's voxels of a box, in place or copied.
-ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
-    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
-    buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
-    AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
-    source.read(view);
-    return view;
+/// A source's voxels of a box where they are wanted, in place or copied.
+ConstView voxels_of(Source& source, Box const& box, Buffer& buffer, Execution const& execution) {
+    auto const lent = source.borrow(box);
+    if (lent && lent->space == execution.space()) return *lent;
+    DataType const type = source.header().dtype;
+    buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(type));
+    if (execution.device == Device::gpu && lent) {
+        AnyView const there = dense_view(buffer.write(Space::device), type, box, Space::device);
+        copy_region(*lent, there, execution);
+        return there;
+    }
+    source.read(dense_view(buffer.write(source.space()), type, box, source.space()));
+    return dense_view(buffer.read(execution.space()), type, box, execution.space());
+}
+
+RowKeys keys_of(GroupedSlab const& slab) {
+    return {slab.mask ? &*slab.mask : nullptr, slab.zero, slab.labels ? &*slab.labels : nullptr, slab.by,
+            slab.voxels.box};
 }
 
 constexpr std::int64_t bytes_of_sums = sizeof(PartialStatistics) + 64;
 
 } // namespace
-
-/// Voxels, and what lies beside them.
-struct GroupedStatistics::Slab {
-    ConstView voxels;
-    std::optional<ConstView> mask, labels;
-    double zero = 0; ///< what the mask stores for 0; NaN, which nothing equals, if it cannot
-
-    RowKeys keys(GroupedBy what) const {
-        return {mask ? &*mask : nullptr, zero, labels ? &*labels : nullptr, what, voxels.box};
-    }
-};
 
 /// The numbers of keys, of which there are some in ascending order.
 class GroupedStatistics::Numbers {
@@ -302,19 +220,19 @@ std::int64_t GroupedStatistics::room(Execution const& execution) const {
 void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
-    Slab in{slab.part(box), {}, {}};
+    GroupedSlab in{slab.part(box), {}, {}, 0, by, input_.values};
     if (mask != nullptr) {
-        in.mask = voxels_of(*mask, box, mask_buffer_);
+        in.mask = voxels_of(*mask, box, mask_buffer_, execution);
         in.zero = stored_zero(mask->header()).value_or(std::numeric_limits<double>::quiet_NaN());
     }
-    if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
+    if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_, execution);
     if (quantiles_)
         select(in, execution);
     else
         sum(in, execution);
 }
 
-void GroupedStatistics::sum(Slab const& in, Execution const& execution) {
+void GroupedStatistics::sum(GroupedSlab const& in, Execution const& execution) {
     Box const box = in.voxels.box;
     std::int64_t const rows = block_rows(region_.dims()), per_slice = (box.dims().y - 1) / rows + 1;
     std::int64_t const blocks = per_slice * box.dims().z, threads = std::max(1, execution.threads);
@@ -331,6 +249,24 @@ void GroupedStatistics::sum(Slab const& in, Execution const& execution) {
                              " are more than --memory has room for"),
                         "raise --memory");
     };
+    if (execution.device == Device::gpu) {
+        if (by == GroupedBy::x) check_room(region_.dims().x, 0);
+        constexpr auto bytes = static_cast<std::int64_t>(sizeof(GroupInBlock));
+        std::int64_t const most = std::clamp<std::int64_t>(room(execution) / 4 / bytes, 1, 1 << 18);
+        RowBlocks const row_blocks(box.dims(), rows);
+        return grouped_sums(
+            in, rows, most,
+            [&](std::vector<GroupInBlock> const& found) {
+                for (GroupInBlock const& group : found) {
+                    Index3 const lower =
+                        box.lower + Index3{0, row_blocks.first_row(group.block), row_blocks.z(group.block)};
+                    result_.groups[group.key].append(partial_of(on_host(group.sums), input_.dtype, lower, box.dims().x),
+                                                     input_.dtype);
+                }
+                check_room(std::ssize(result_.groups), 0);
+            },
+            execution);
+    }
     if (by == GroupedBy::x) {
         while (together > 1 && !has_room(region_.dims().x, held_by_x())) --together;
         check_room(region_.dims().x, held_by_x());
@@ -348,7 +284,7 @@ void GroupedStatistics::sum(Slab const& in, Execution const& execution) {
                 block.upper = {box.upper.x, std::min(block.lower.y + rows, box.upper.y), block.lower.z + 1};
                 try {
                     found[static_cast<std::size_t>(i)] =
-                        block_groups<T>(in.voxels.as<T>(), in.keys(by), block, input_.values);
+                        block_groups<T>(in.voxels.as<T>(), in.voxels.type, keys_of(in), block, input_.values);
                 } catch (...) { // there is no memory left
 #pragma omp critical
                     failure = std::current_exception();
@@ -366,7 +302,7 @@ void GroupedStatistics::sum(Slab const& in, Execution const& execution) {
     }
 }
 
-void GroupedStatistics::select(Slab const& in, Execution const& execution) {
+void GroupedStatistics::select(GroupedSlab const& in, Execution const& execution) {
     if (!quantiles_->in_pass()) {
         std::int64_t const left = room(execution) - std::ssize(numbers_->keys()) * bytes_of_group();
         quantiles_->begin_pass(static_cast<std::size_t>(std::max<std::int64_t>(0, left)), execution.threads);
@@ -375,7 +311,7 @@ void GroupedStatistics::select(Slab const& in, Execution const& execution) {
     Index3 const n = box.dims();
     int const threads = static_cast<int>(std::clamp<std::int64_t>(box.voxels() / 32768, 1, quantiles_->threads()));
     VKT_BACKEND::for_each_item(threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
-        RowKeys rows = in.keys(by);
+        RowKeys rows = keys_of(in);
         std::vector<std::uint32_t> groups(static_cast<std::size_t>(n.x));
         for (std::int64_t i = begin; i < end; ++i) {
             VKT_BACKEND::tell_progress(execution, begin, i, end);

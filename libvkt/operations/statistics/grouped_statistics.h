@@ -18,6 +18,8 @@ namespace vkt {
 /// What statistics are of: all voxels, or rows by label or by the index along an axis.
 enum class GroupedBy : std::uint8_t { volume, label, x, y, z };
 
+struct GroupedSlab;
+
 /// Statistics of groups of voxels of one type, by their key: the label, the index, 0.
 struct GroupedResult {
     GroupedBy by = GroupedBy::volume;
@@ -39,7 +41,7 @@ GroupedResult grouped_from_json(std::string_view json, std::string const& name);
 
 /// A reduction of one volume, with a mask and labels read beside it. Integers of up to 32 bits are summed exactly, the
 /// others in extended precision relative to their group's first value; each group is summed by blocks of some rows in
-/// x-fastest order, and blocks are merged in order: the same bits for every slab height and thread count.
+/// x-fastest order, and blocks are merged in order: the same bits for every slab height, thread count and device.
 /// O(groups) memory, refused with Error{resources} beyond half of the budget. Percentiles are those of
 /// GroupedQuantiles, from further passes: mask and labels are read again, too.
 class GroupedStatistics : public Operation {
@@ -59,18 +61,19 @@ public:
     std::int64_t scan_step(Index3 part) const override { return block_rows(part); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
+    /// Selection in groups does not run there.
+    bool runs_on_gpu() const override { return percents.values.empty(); }
     bool scans_again() const override { return quantiles_ && quantiles_->unfinished(); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     GroupedResult const& result() const { return result_; }
 
 private:
-    struct Slab;
     class Numbers;
 
     static std::int64_t block_rows(Index3 dims) { return std::max<std::int64_t>(1, 16384 / dims.x); }
-    void sum(Slab const& slab, Execution const& execution);
-    void select(Slab const& slab, Execution const& execution);
+    void sum(GroupedSlab const& slab, Execution const& execution);
+    void select(GroupedSlab const& slab, Execution const& execution);
     std::int64_t bytes_of_group() const;
     std::int64_t room(Execution const& execution) const;
 

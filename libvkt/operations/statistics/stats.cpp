@@ -166,7 +166,8 @@ public:
     }
 
     bool runs_on_gpu() const override {
-        return !grouped() && !statistics_.roi.has_steps() && statistics_.runs_on_gpu();
+        bool const can = grouped() ? !statistics_.percentiles() : statistics_.runs_on_gpu();
+        return can && !statistics_.roi.has_steps();
     }
 
 private:

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/shape/kernels/device_components.h"
 
+#include "libvkt/kernel/cuda_sums.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/shape/kernels/device_objects.h"
+#include "libvkt/operations/shape/kernels/value_runs.h"
 
 #include <algorithm>
 #include <limits>
@@ -20,6 +22,7 @@ constexpr int block = 256;
 /// Rows of bits, and rows of runs: of `group` by `group` rows of bits together.
 struct Rows {
     unsigned* bits;
+    unsigned* changed;              ///< null if values do not matter
     std::int64_t nx, ny, nz, words; ///< voxels; words of a row
     int group;
     std::int64_t run_ny, run_nz;
@@ -38,7 +41,8 @@ struct Rows {
     __device__ unsigned starts(std::int64_t run_y, std::int64_t run_z, std::int64_t w) const {
         unsigned const here = all(run_y, run_z, w);
         if (here == 0) return 0;
-        return here & ~(here << 1 | all(run_y, run_z, w - 1) >> 31);
+        unsigned const first = here & ~(here << 1 | all(run_y, run_z, w - 1) >> 31);
+        return changed == nullptr ? first : first | (here & changed[word(run_y, run_z, w)]);
     }
     __device__ std::int64_t word(std::int64_t run_y, std::int64_t run_z, std::int64_t w) const {
         return (run_z * run_ny + run_y) * words + w;
@@ -65,8 +69,9 @@ unsigned blocks_for(std::int64_t threads) {
 
 Rows rows_of(DeviceComponents& components) {
     Index3 const n = components.dims;
-    int const group = components.connectivity == 26 ? 2 : 1;
+    int const group = components.connectivity == 26 && !components.by_value ? 2 : 1;
     return {reinterpret_cast<unsigned*>(components.bits.update(Space::device)),
+            components.by_value ? reinterpret_cast<unsigned*>(components.changed.update(Space::device)) : nullptr,
             n.x,
             n.y,
             n.z,
@@ -125,26 +130,6 @@ void pack(DeviceComponents& components, ConstView in, std::optional<double> zero
 
 constexpr int items_of_thread = 4;
 
-__device__ unsigned sum_before(unsigned mine, unsigned& total) {
-    __shared__ unsigned warps[block / 32];
-    auto const lane = static_cast<int>(threadIdx.x % 32), warp = static_cast<int>(threadIdx.x / 32);
-    unsigned sum = mine;
-    for (int by = 1; by < 32; by *= 2) {
-        unsigned const below = __shfl_up_sync(~0u, sum, by);
-        sum += lane >= by ? below : 0;
-    }
-    if (lane == 31) warps[warp] = sum;
-    __syncthreads();
-    unsigned before = 0, all = 0;
-    for (int w = 0; w < block / 32; ++w) {
-        before += w < warp ? warps[w] : 0;
-        all += warps[w];
-    }
-    total = all;
-    __syncthreads();
-    return before + sum - mine;
-}
-
 /// With `before` what comes before each of n items, given sums of blocks; without it these sums.
 template <class Count>
 __global__ void __launch_bounds__(block)
@@ -155,7 +140,7 @@ __global__ void __launch_bounds__(block)
         counts[k] = first + k < n ? count(first + k) : 0;
         mine += counts[k];
     }
-    unsigned sum = sum_before(mine, total);
+    unsigned sum = driver::sum_before<block>(mine, total);
     if (before == nullptr) {
         if (threadIdx.x == 0) sums[blockIdx.x] = total;
         return;
@@ -209,8 +194,9 @@ template <class Count> std::uint64_t sums_before(std::int64_t n, Count const& co
 
 struct CountStarts {
     Rows rows;
+    std::int64_t first = 0; ///< word
     __device__ unsigned operator()(std::int64_t i) const {
-        Place const p = place_of(rows, i);
+        Place const p = place_of(rows, first + i);
         return static_cast<unsigned>(__popc(rows.starts(p.y, p.z, p.w)));
     }
 };
@@ -347,6 +333,121 @@ __global__ void __launch_bounds__(block)
     if (links != Links::across) return;
     if (p.y > 0) joiner.join(word(y, z, y, z), word(y - 1, z - 1, y - 1, z - 1), p.y - 1, p.z - 1, true, 0);
     joiner.join(word(y + 1, z, y + 1, z), word(y + 2, z - 1, y + 2, z - 1), p.y + 1, p.z - 1, true, 0);
+}
+
+// Joining by value.
+
+template <class T>
+__global__ void __launch_bounds__(block) changed_kernel(View<T const> in, Index3 n, Rows rows, std::int64_t first) {
+    using C = typename IsObject<T>::C;
+    std::int64_t const i = this_thread() / 32, r = driver::quotient_of(i, rows.words), w = i - r * rows.words;
+    if (r >= n.y * n.z) return;
+    std::int64_t const z = driver::quotient_of(r, n.y), y = r - z * n.y, x = w * 32 + threadIdx.x % 32;
+    T const* const from = in.data + y * in.row + z * in.slice;
+    bool const differs = x < n.x && (x == 0 || static_cast<C>(from[x]) != static_cast<C>(from[x - 1]));
+    unsigned const word = __ballot_sync(~0u, differs);
+    if (threadIdx.x % 32 == 0) rows.changed[first + i] = word;
+}
+
+/// Such that equal values have equal keys: -0 is 0.
+template <class T> __device__ unsigned long long key_of(T v) {
+    if constexpr (std::is_integral_v<T>)
+        return static_cast<unsigned long long>(v);
+    else
+        return static_cast<unsigned long long>(__double_as_longlong(v == T(0) ? 0.0 : static_cast<double>(v)));
+}
+
+/// The values of the runs that start in `words` words from the first one on.
+template <class T>
+__global__ void __launch_bounds__(block) run_values_kernel(View<T const> in, Index3 n, Rows rows, std::int64_t first,
+                                                           unsigned const* before, unsigned long long* values) {
+    using C = typename IsObject<T>::C;
+    std::int64_t const i = this_thread(), r = driver::quotient_of(i, rows.words), w = i - r * rows.words;
+    if (r >= n.y * n.z) return;
+    std::int64_t const z = driver::quotient_of(r, n.y), y = r - z * n.y;
+    T const* const from = in.data + y * in.row + z * in.slice;
+    Place const p = place_of(rows, first + i);
+    unsigned run = before[i];
+    for (unsigned e = rows.starts(p.y, p.z, p.w); e != 0; e &= e - 1, ++run)
+        values[run] = key_of<C>(static_cast<C>(from[w * 32 + __ffs(static_cast<int>(e)) - 1]));
+}
+
+/// What comes next: where values change, and those of the runs.
+template <class T> void add_values(DeviceComponents& components, ConstView in) {
+    Rows const rows = rows_of(components);
+    Index3 const n = in.dims();
+    std::int64_t const words = rows.words * n.y * n.z, first = (in.box.lower.z * rows.ny + in.box.lower.y) * rows.words;
+    changed_kernel<T><<<blocks_for(words * 32), block>>>(in.as<T>(), n, rows, first);
+    check_launch("label");
+    driver::DeviceScratch const memory(static_cast<std::size_t>(words) * 4);
+    auto* const before = reinterpret_cast<unsigned*>(memory.get());
+    std::uint64_t const runs = sums_before(words, CountStarts{rows, first}, before);
+    if (runs == 0) return;
+    Buffer values(static_cast<std::size_t>(runs) * 8);
+    run_values_kernel<T><<<blocks_for(words), block>>>(
+        in.as<T>(), n, rows, first, before, reinterpret_cast<unsigned long long*>(values.write(Space::device)));
+    check_launch("label");
+    components.run_values.push_back(std::move(values));
+    components.runs.push_back(static_cast<std::int64_t>(runs));
+}
+
+/// The values of all runs, in their order.
+void gather_values(DeviceComponents& components, unsigned long long* to) {
+    for (std::size_t i = 0; i < components.runs.size(); ++i) {
+        copy_on_device(to, components.run_values[i].read(Space::device),
+                       static_cast<std::size_t>(components.runs[i]) * 8);
+        to += components.runs[i];
+    }
+    components.run_values.clear();
+    components.runs.clear();
+}
+
+struct CountSetBits {
+    __device__ int operator()(unsigned word) const { return __popc(word); }
+};
+
+__device__ ValueRuns value_runs(Rows const& rows, std::int64_t y, std::int64_t z, std::int64_t w) {
+    bool const next = (rows.row(y, z, w + 1) & 1) != 0, next_starts = next && (rows.starts(y, z, w + 1) & 1) != 0;
+    return {rows.row(y, z, w), rows.starts(y, z, w), rows.row(y, z, w - 1) >> 31 != 0, next && !next_starts,
+            next_starts};
+}
+
+__global__ void __launch_bounds__(block)
+    join_values_kernel(Rows rows, int connectivity, Links links, unsigned const* before,
+                       unsigned long long const* values, unsigned* parent) {
+    std::int64_t const i = this_thread();
+    if (i >= rows.words * rows.ny * rows.nz) return;
+    Place const p = place_of(rows, i);
+    if (rows.row(p.y, p.z, p.w) == 0) return;
+    ValueRuns const own = value_runs(rows, p.y, p.z, p.w);
+    CountSetBits const count;
+    auto const join = [&](std::int64_t y, std::int64_t z, bool diagonally) {
+        if (y < 0 || y >= rows.ny || z < 0) return;
+        ValueRuns const other = value_runs(rows, y, z, p.w);
+        unsigned const others = before[rows.word(y, z, p.w)];
+        auto const unite_equal = [&](int b, unsigned run) {
+            unsigned const mine = own.run_at(before[i], b, count);
+            if (values[mine] == values[run]) unite(parent, mine, run);
+        };
+        for (unsigned e = own.facing(other); e != 0; e &= e - 1) {
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unite_equal(b, other.run_at(others, b, count));
+        }
+        if (!diagonally) return;
+        for (unsigned e = own.touching_left(other); e != 0; e &= e - 1) {
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unite_equal(b, other.run_left_of(others, b, count));
+        }
+        for (unsigned e = own.touching_right(other); e != 0; e &= e - 1) {
+            int const b = __ffs(static_cast<int>(e)) - 1;
+            unite_equal(b, other.run_right_of(others, b, count));
+        }
+    };
+    if (links == Links::above) join(p.y - 1, p.z, connectivity >= 18);
+    if (links == Links::before) join(p.y, p.z - 1, connectivity >= 18);
+    if (links != Links::across) return;
+    join(p.y - 1, p.z - 1, connectivity == 26);
+    join(p.y + 1, p.z - 1, connectivity == 26);
 }
 
 /// Runs point to their roots, so that those that are joined already are seen to be at once.
@@ -529,7 +630,12 @@ __global__ void __launch_bounds__(block) facts_kernel(Runs runs, ComponentFacts*
     std::int64_t const r = driver::quotient_of(i, rows.words), w = i - r * rows.words,
                        z = driver::quotient_of(r, rows.ny), y = r - z * rows.ny;
     for (unsigned rest = rows.row(y, z, w); rest != 0;) {
-        unsigned const begin = rest & -rest, part = rest & ~(rest + begin);
+        unsigned const begin = rest & -rest;
+        unsigned part = rest & ~(rest + begin);
+        if (rows.changed != nullptr) { // up to where the next run starts
+            unsigned const next = rows.changed[i] & part & ~begin;
+            part &= (next & -next) - 1;
+        }
         rest &= ~part;
         int const b = __ffs(static_cast<int>(begin)) - 1;
         ComponentFacts* const to = facts + runs.component_of(y, z, w, b);
@@ -554,7 +660,11 @@ void component_bits(DeviceComponents& components, ConstView rows, std::optional<
     Index3 const n = components.dims;
     components.bits.reserve(static_cast<std::size_t>((n.x + 31) / 32 * n.y * n.z) * 4);
     driver::DeviceLosses const counts;
-    with_type(rows.type, [&]<class T>(T) { pack<T>(components, rows, zero, counts.get()); });
+    if (components.by_value) components.changed.reserve(components.bits.bytes());
+    with_type(rows.type, [&]<class T>(T) {
+        pack<T>(components, rows, zero, counts.get());
+        if (components.by_value) add_values<T>(components, rows);
+    });
     if (is_integer(rows.type)) return;
     Losses found;
     counts.add_to(found);
@@ -578,9 +688,20 @@ void component_numbers(DeviceComponents& components, Execution const&) {
         return;
     }
     singles_kernel<<<blocks_for(count), block>>>(parent, count);
+    std::optional<driver::DeviceScratch> value_memory;
+    unsigned long long* values = nullptr;
+    if (components.by_value) {
+        value_memory.emplace(runs * 8);
+        values = reinterpret_cast<unsigned long long*>(value_memory->get());
+        gather_values(components, values);
+    }
     for (Links const links : {Links::above, Links::before, Links::across}) {
         if (links == Links::across && components.connectivity == 6) break;
-        join_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, links, before, parent);
+        if (values != nullptr)
+            join_values_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, links, before, values,
+                                                             parent);
+        else
+            join_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, links, before, parent);
         flatten_kernel<<<blocks_for(count), block>>>(parent, count);
     }
     std::optional<driver::DeviceScratch> firsts;
