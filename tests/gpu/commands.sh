@@ -286,6 +286,28 @@ for pair in 'a_int64.vkt a_float64.vkt' 'huge.vkt a_float64.vkt' 'odd.vkt a_int6
 done
 same text "$vkt pipe 'diff in_uint8.nrrd in_int16.nrrd --tolerance 1e9 --json'"
 
+# How alike: windows and counts as CPUs have them, also of axes that are mirrored, of one voxel, and longer than what
+# is worked on at once.
+for type in $types; do
+    for pair in "a_$type.vkt b_$type.vkt" "mapped_$type.vkt a_uint8.vkt"; do
+        same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+        same text "$vkt diff $pair --ssim --ssim-range 100 --mutual-information --bins 300 --tolerance inf --device \$DEVICE --json"
+    done
+done
+for pair in 'huge.vkt a_float64.vkt' 'odd.vkt a_int64.vkt' 'odd.vkt odd.vkt' 'none_float32.vkt a_float32.vkt' \
+    'tiny.nrrd tiny.nrrd' 'long_float32.vkt long_int16.vkt' 'in_uint8.nrrd in_float32.nrrd'; do
+    same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+    same text "$vkt diff $pair --ssim --mutual-information --bins 1024 --memory 4M --tolerance inf --device \$DEVICE --json -q"
+done
+"$vkt" make noise --dims 2300 40 1 --seed 2 -o wide_a.nrrd
+"$vkt" make noise --dims 2300 40 1 --seed 3 --dtype uint16 --high 1 -o wide_b.nrrd
+"$vkt" filter gaussian large.nrrd --sigma 1 -q -o smooth.nrrd
+for pair in 'wide_a.nrrd wide_b.nrrd' 'large.nrrd smooth.nrrd'; do
+    same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+done
+same text "$vkt filter gaussian large.nrrd --sigma 1 --device cpu -q | $vkt diff - large.nrrd --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+same text "$vkt pipe 'read in_uint8.nrrd | flip x | diff in_int16.nrrd --ssim --mutual-information --tolerance 1e9 --json'"
+
 # What does not run on a GPU says so.
 refused() {
     checked=$((checked + 1))
@@ -305,7 +327,6 @@ refused stats tree.vkt
 refused label a_uint8.vkt --by-value
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
-refused diff a_uint8.vkt b_uint8.vkt --ssim
 refused crop tree.vkt --roi 1:5,:,:
 refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
