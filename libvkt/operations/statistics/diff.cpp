@@ -139,7 +139,7 @@ public:
         }
     }
 
-    bool runs_on_gpu() const override { return !roi.has_steps(); }
+    bool runs_on_gpu() const override { return true; }
     bool satisfied() const override { return satisfied_; }
 
 private:

@@ -165,9 +165,7 @@ public:
         }
     }
 
-    bool runs_on_gpu() const override {
-        return !grouped() && !statistics_.roi.has_steps() && statistics_.runs_on_gpu();
-    }
+    bool runs_on_gpu() const override { return !grouped() && statistics_.runs_on_gpu(); }
 
 private:
     bool grouped() const { return !mask.empty() || !labels.empty() || axis; }
