@@ -9,8 +9,8 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/engine/window.h"
 #include "libvkt/operations/statistics/kernels/difference.h"
+#include "libvkt/operations/statistics/slabs.h"
 
 #include <cmath>
 #include <limits>
@@ -19,24 +19,6 @@
 namespace vkt {
 
 namespace {
-
-/// One source's slabs, in place or copied, where they are compared.
-class Slabs {
-public:
-    Slabs(Source& source, Execution const& on) : source_(source), on_(on) {
-        window_.reset({.volume_dims = source.header().dims, .type = source.header().dtype});
-        source.expect(box_of(source.header().dims));
-    }
-    ConstView at(Box const& box) {
-        if (auto const lent = source_.borrow(box); lent && lent->space == on_.space()) return *lent;
-        return window_.fetch(source_, box, on_);
-    }
-
-private:
-    Source& source_;
-    Execution on_;
-    Window window_;
-};
 
 /// What rows add up to, one after the other.
 class Sum {
@@ -70,6 +52,8 @@ void compare_slabs(Source& a, Source& b, Execution const& execution, DifferenceR
     Header const &ha = a.header(), &hb = b.header();
     Execution const on = where_looked_at(execution, a.space() == Space::device && b.space() == Space::device);
     Cut const cut = cut_of(ha, slab_hint_on(on, ha, a.natural_slab()), on);
+    a.expect(box_of(ha.dims));
+    b.expect(box_of(hb.dims));
     Slabs slabs_a(a, on), slabs_b(b, on);
     std::vector<RowDifference> rows;
     Sum sum;
