@@ -165,10 +165,7 @@ public:
         }
     }
 
-    bool runs_on_gpu() const override {
-        bool const can = grouped() ? !statistics_.percentiles() : statistics_.runs_on_gpu();
-        return can && !statistics_.roi.has_steps();
-    }
+    bool runs_on_gpu() const override { return !statistics_.roi.has_steps(); }
 
 private:
     bool grouped() const { return !mask.empty() || !labels.empty() || axis; }
