@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -20,16 +21,6 @@ Vec3 as_point(Index3 p) { return {static_cast<double>(p.x), static_cast<double>(
 
 void require_tree(Header const& header) {
     if (header.kind != Kind::hierarchical) throw Error(ErrorKind::failure, "not a hierarchical volume");
-}
-
-template <class T> void reverse_brick(T const* from, T* to, Index3 n, int axis) {
-    for (std::int64_t z = 0; z < n.z; ++z)
-        for (std::int64_t y = 0; y < n.y; ++y) {
-            std::int64_t const source_y = axis == 1 ? n.y - 1 - y : y, source_z = axis == 2 ? n.z - 1 - z : z;
-            T const* const row = from + (source_z * n.y + source_y) * n.x;
-            T* const out = to + (z * n.y + y) * n.x;
-            for (std::int64_t x = 0; x < n.x; ++x) out[x] = row[axis == 0 ? n.x - 1 - x : x];
-        }
 }
 
 /// Where the cells of a brick go in the merged volume.
@@ -124,7 +115,7 @@ Box resolve_cells(Roi const& roi, Index3 dims) {
     return roi.resolve(dims);
 }
 
-BrickSequence crop_tree(BrickSequence bricks, Box const& region) {
+BrickSequence crop_tree(BrickSequence bricks, Box const& region, Space space) {
     Header header = bricks.header();
     require_tree(header);
     require_in_region(region, header);
@@ -144,21 +135,56 @@ BrickSequence crop_tree(BrickSequence bricks, Box const& region) {
     auto const source = std::make_shared<BrickSequence>(std::move(bricks));
     BrickSequence result(
         std::move(header), std::move(kept),
-        [source, places = std::move(places), size](std::size_t first, std::size_t count, std::byte* to) {
+        [source, places = std::move(places), size, space](std::size_t first, std::size_t count, std::byte* to) {
             for (std::size_t end = first + count, n = 0; first < end; first += n) { // neighbours together
                 n = 1;
                 while (first + n < end && places[first + n] == places[first] + n) ++n;
-                source->read(places[first], n, to);
+                source->read(places[first], n, to, space);
                 for (std::size_t i = 0; i < n; ++i)
                     to += static_cast<std::size_t>(source->bricks()[places[first] + i].cells()) * size;
             }
         },
-        order);
+        order, space);
     result.set_group_bytes(group);
     return result;
 }
 
-BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& execution) {
+BrickSequence moved_tree(BrickSequence input, Header header, std::vector<Brick> bricks, MoveCells move,
+                         Execution const& execution) {
+    std::size_t const group = input.group_bytes();
+    BrickOrder const order = input.order();
+    auto const source = std::make_shared<BrickSequence>(std::move(input));
+    BrickSequence result(
+        std::move(header), std::move(bricks),
+        [source, move = std::move(move), execution](std::size_t first, std::size_t count, std::byte* to) {
+            bool const on_gpu = execution.device == Device::gpu;
+            if (on_gpu) device_select(execution.gpu); // every thread chooses for itself
+            DataType const type = source->header().dtype;
+            std::byte const* const from = source->cells(first, count, execution.space());
+            std::vector<std::size_t> offsets;
+            std::size_t offset = 0;
+            for (std::size_t b = first; b < first + count; ++b)
+                offsets.push_back(std::exchange(offset, offset + static_cast<std::size_t>(source->bricks()[b].cells()) *
+                                                                     size_of(type)));
+            auto const move_brick = [&](std::size_t i, Execution const& on) {
+                Box const box = box_of(source->bricks()[first + i].dims);
+                move(dense_view(from + offsets[i], type, box, on.space()), to + offsets[i], on);
+            };
+            if (on_gpu) {
+                for (std::size_t i = 0; i < count; ++i) move_brick(i, execution);
+                return;
+            }
+            Execution alone = execution;
+            alone.threads = 1;
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+            for (std::size_t i = 0; i < count; ++i) move_brick(i, alone);
+        },
+        order, execution.space());
+    result.set_group_bytes(group);
+    return result;
+}
+
+BrickSequence flip_tree(BrickSequence input, Axis axis, MoveCells mirror, Execution const& execution) {
     Header header = input.header();
     require_tree(header);
     auto const a = static_cast<int>(axis);
@@ -173,28 +199,7 @@ BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& executi
         region.upper[a] = logical[a] - lower;
         header.attributes["roi"] = to_text(region);
     }
-    DataType const dtype = header.dtype;
-    std::size_t const group = input.group_bytes();
-    BrickOrder const order = input.order();
-    auto const source = std::make_shared<BrickSequence>(std::move(input));
-    BrickSequence result(
-        std::move(header), std::move(bricks),
-        [source, a, dtype, threads = execution.threads](std::size_t first, std::size_t count, std::byte* to) {
-            std::byte const* const from = source->cells(first, count);
-            std::vector<std::int64_t> offsets;
-            std::int64_t offset = 0;
-            for (std::size_t b = first; b < first + count; ++b)
-                offsets.push_back(std::exchange(offset, offset + source->bricks()[b].cells()));
-            with_type(dtype, [&]<class T>(T) {
-#pragma omp parallel for num_threads(threads) schedule(static)
-                for (std::size_t i = 0; i < count; ++i)
-                    reverse_brick(reinterpret_cast<T const*>(from) + offsets[i], reinterpret_cast<T*>(to) + offsets[i],
-                                  source->bricks()[first + i].dims, a);
-            });
-        },
-        order);
-    result.set_group_bytes(group);
-    return result;
+    return moved_tree(std::move(input), std::move(header), std::move(bricks), std::move(mirror), execution);
 }
 
 Volume merge_siblings(Volume const& volume, std::int64_t largest, Execution const& execution) {

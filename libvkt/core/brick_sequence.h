@@ -21,20 +21,25 @@ inline constexpr std::size_t brick_group_bytes = std::size_t{4} << 20;
 /// passes in the memory of its table of bricks (4 to 57 bytes each) and of one group of them.
 class BrickSequence {
 public:
-    /// Writes the cells of `count` bricks from the first on to `to`, dense, in the order of the bricks.
+    /// Writes the cells of `count` bricks from the first on to `to`, dense, in the order of the bricks, where the
+    /// sequence says that it does.
     using Reader = std::function<void(std::size_t first, std::size_t count, std::byte* to)>;
 
     /// Cells that lie in memory already.
     BrickSequence(Volume volume);
     /// Fills in the header's brick, cell and level counts.
-    BrickSequence(Header header, std::vector<Brick> bricks, Reader read, BrickOrder order = BrickOrder::any);
+    BrickSequence(Header header, std::vector<Brick> bricks, Reader read, BrickOrder order = BrickOrder::any,
+                  Space space = Space::host);
     /// The same tree as another sequence.
-    BrickSequence(Header header, BrickTable const& bricks, Reader read, BrickOrder order = BrickOrder::any);
+    BrickSequence(Header header, BrickTable const& bricks, Reader read, BrickOrder order = BrickOrder::any,
+                  Space space = Space::host);
 
     Header const& header() const { return whole_ ? whole_->header() : header_; }
     BrickTable const& bricks() const { return whole_ ? whole_->bricks() : bricks_; }
     BrickOrder order() const { return order_; }
     bool in_memory() const { return whole_.has_value(); }
+    /// Where cells come: what is asked for elsewhere is copied there.
+    Space space() const;
     /// Bytes of the largest brick's cells.
     std::size_t largest_brick() const;
 
@@ -45,10 +50,10 @@ public:
     std::size_t group(std::size_t first, std::size_t bytes) const;
 
     /// The cells of `count` bricks, valid until the next call. Throws what the reader throws.
-    std::byte const* cells(std::size_t first, std::size_t count);
-    /// The same, written to `to`.
-    void read(std::size_t first, std::size_t count, std::byte* to);
-    /// All of it. The sequence is used up. O(cells), no copy if they lie in memory.
+    std::byte const* cells(std::size_t first, std::size_t count, Space space = Space::host);
+    /// The same, written to `to`, which lies there.
+    void read(std::size_t first, std::size_t count, std::byte* to, Space space = Space::host);
+    /// All of it, where cells come. The sequence is used up. O(cells), no copy if they lie in memory.
     Volume whole() &&;
     /// The same cells under another header of the same kind and type.
     BrickSequence with_header(Header header) &&;
@@ -62,6 +67,7 @@ private:
     BrickTable bricks_;
     Reader read_;
     BrickOrder order_ = BrickOrder::any;
+    Space space_ = Space::host;
     std::size_t group_bytes_ = brick_group_bytes;
     std::optional<Volume> whole_;
     Buffer group_;

@@ -46,6 +46,15 @@ template <class T> void fill_around(AnyView window, Box const& inside, Index3 di
     }
 }
 
+/// Every so many voxels along each axis, from the one that lands at `lower`.
+template <class U> struct Strided {
+    U const* first;
+    Index3 stride, lower;
+    __device__ __forceinline__ U operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return first[(x - lower.x) * stride.x + (y - lower.y) * stride.y + (z - lower.z) * stride.z];
+    }
+};
+
 } // namespace
 } // namespace cuda
 
@@ -64,6 +73,14 @@ void must(cudaError_t status) {
 }
 
 } // namespace
+
+void copy_every_on_device(ConstView from, Index3 step, AnyView to) {
+    cuda::for_each_size(size_of(to.type), [&]<class U>(U) {
+        Index3 const stride{step.x, step.y * from.row, step.z * from.slice};
+        cuda::gather(Execution{}, to.box, to.as<U>(),
+                     cuda::Strided<U>{reinterpret_cast<U const*>(from.data), stride, to.box.lower});
+    });
+}
 
 void copy_region_on_device(ConstView from, AnyView to) {
     if (to.box.empty()) return;

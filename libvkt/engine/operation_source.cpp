@@ -271,8 +271,6 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
 /// Trees that stay trees: bricks are worked on as they come, if the operation can.
 void OperationSource::run_on_tree(std::vector<Header> const& headers) {
     execution_ = requested_;
-    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
-    execution_.device = Device::cpu;
     tree_ = std::make_unique<TreeRun>(
         operation_, collect(inputs_, [](auto const& input) { return input->take_bricks(); }), execution_, info_);
     plan_ = tree_->plan();

@@ -205,7 +205,6 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
     if (tree) {
-        if (execution.only_gpu) refuse_cpu(text(reduction.name(), " of hierarchical volumes"));
         reduce_hierarchical(reduction, source.take_bricks(), execution, info);
         source.finish();
         return tell_remarks(reduction, info);

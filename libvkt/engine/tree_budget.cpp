@@ -11,7 +11,11 @@
 
 namespace vkt {
 
-std::size_t group_limit(Execution const& execution) { return std::min(brick_group_bytes, piece_limit(execution)); }
+std::size_t group_limit(Execution const& execution) {
+    // A GPU has no use for small groups: there is nothing between them and its memory that they would stay in.
+    constexpr std::size_t on_gpu = std::size_t{64} << 20;
+    return std::min(execution.device == Device::gpu ? on_gpu : brick_group_bytes, piece_limit(execution));
+}
 
 TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs, std::span<std::size_t const> largest,
                    Execution const& execution) {

@@ -54,7 +54,9 @@ class NeighbourhoodWork : public TreeRun::Work {
 public:
     NeighbourhoodWork(Operation& operation, BrickSequence input, Execution const& execution, StageInfo const& info,
                       TreeOptions const& options)
-        : operation_(operation), input_(std::move(input)), execution_(execution), info_(info), options_(options) {
+        : operation_(operation), input_(std::move(input)), requested_(execution), execution_(execution), info_(info),
+          options_(options) {
+        execution_.device = Device::cpu; // where ghost cells are made, whatever works on bricks
         Header const& header = input_.header();
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels_[input_.bricks()[b].level].push_back(b);
         for (auto const& [level, bricks] : levels_) plans_[level] = plan_level(lattice(level));
@@ -112,6 +114,7 @@ private:
         level_plan_ = &plans_.at(level);
         operation_.begin_level(level_header(input_.header(), at), at.width, *level_plan_);
         operation_.enter_level(at.width, at.lower);
+        on_ = where_run(operation_, requested_);
         return at;
     }
 
@@ -221,16 +224,20 @@ private:
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
         if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
-        grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
-        AnyView const grown = dense_view(grown_.data(), type, needed);
+        grown_.reserve(static_cast<std::size_t>(needed.voxels()) * size_of(type));
+        AnyView const grown = dense_view(grown_.write(Space::host), type, needed);
         if (!needed.empty()) filler.fill(lattice, grown, level_plan_->boundary, level_plan_->border_value);
-        ConstView const view = grown;
-        operation_.run({&view, 1}, out, execution_for(out.box, execution_));
+        ConstView const view = dense_view(grown_.read(on_.space()), type, needed, on_.space());
+        if (on_.device == Device::cpu) return operation_.run({&view, 1}, out, execution_for(out.box, on_));
+        made_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(out.type));
+        operation_.run({&view, 1}, dense_view(made_.write(Space::device), out.type, out.box, Space::device), on_);
+        copy(dense_view(made_.read(Space::host), out.type, out.box), out);
     }
 
     Operation& operation_;
     BrickSequence input_;
-    Execution execution_;
+    Execution requested_, execution_;
+    Execution on_; ///< of the operation, on the level that is worked on
     StageInfo info_;
     TreeOptions options_;
     Header output_;
@@ -244,7 +251,7 @@ private:
     std::optional<Volume> memory_;     ///< the result, there
     std::unique_ptr<BrickSpool> file_; ///< or there
     Buffer result_;                    ///< of a brick
-    std::vector<std::byte> grown_;
+    Buffer grown_, made_;              ///< the same on the way to the operation and, from a GPU, back
     std::vector<Remark> remarks_;
 };
 

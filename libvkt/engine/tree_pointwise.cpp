@@ -5,6 +5,7 @@
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/ghost.h"
 #include "libvkt/core/collect.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/spool.h"
@@ -63,6 +64,8 @@ public:
              Execution const& execution)
         : operation_(operation), dims_(tree.dims), inputs_(std::move(inputs)), output_(output), execution_(execution) {}
 
+    Space space() const { return execution_.space(); } ///< of the cells
+
     void operator()(Group const& group) {
         std::int64_t at = 0;
         if (group.output != nullptr && !operation_.uses_position()) {
@@ -96,11 +99,11 @@ private:
     void work(Group const& group, std::int64_t first, Box const& box, Execution const& execution) {
         views_.clear();
         for (std::size_t i = 0; i < group.inputs.size(); ++i)
-            views_.push_back(
-                dense_view(group.inputs[i] + static_cast<std::size_t>(first) * size_of(inputs_[i]), inputs_[i], box));
+            views_.push_back(dense_view(group.inputs[i] + static_cast<std::size_t>(first) * size_of(inputs_[i]),
+                                        inputs_[i], box, space()));
         if (group.output == nullptr) return operation_.scan(views_.front(), execution);
         std::byte* const to = group.output + static_cast<std::size_t>(first) * size_of(output_);
-        operation_.run(views_, dense_view(to, output_, box), execution);
+        operation_.run(views_, dense_view(to, output_, box, space()), execution);
     }
 
     Operation& operation_;
@@ -115,8 +118,8 @@ private:
 
 /// What an operation without positions makes of the background: its result on one cell that holds it. An input that
 /// names none has 0 in its holes.
-void map_background(Operation& operation, std::vector<Header> const& inputs, Header& output,
-                    Execution const& execution) {
+void map_background(Operation& operation, std::vector<Header> const& inputs, Header& output, Execution execution) {
+    execution.device = Device::cpu;
     if (operation.uses_position() ||
         std::none_of(inputs.begin(), inputs.end(), [](Header const& h) { return stored_background(h); }))
         return;
@@ -146,7 +149,8 @@ class PointwiseWork : public TreeRun::Work {
 public:
     PointwiseWork(Operation& operation, std::vector<BrickSequence> inputs, Plan planned, Execution const& execution,
                   StageInfo const& info)
-        : operation_(operation), inputs_(std::move(inputs)), execution_(execution), times_(info.times) {
+        : operation_(operation), inputs_(std::move(inputs)), execution_(where_run(operation, execution)),
+          times_(info.times) {
         std::vector<Header> const headers = headers_of(inputs_);
         plan = std::move(planned);
         plan.output = tree_header(operation_, plan, headers.front());
@@ -167,7 +171,7 @@ public:
         BrickSequence result(
             std::move(header), inputs_[0].bricks(),
             [this, self](std::size_t first, std::size_t count, std::byte* to) { run(first, count, to); },
-            BrickOrder::ascending);
+            BrickOrder::ascending, execution_.space());
         result.set_group_bytes(group_limit(execution_));
         return result;
     }
@@ -176,6 +180,7 @@ public:
 
 private:
     void run(std::size_t first, std::size_t count, std::byte* to) {
+        if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
         auto const& bricks = inputs_[0].bricks();
         for (std::size_t end = first + count, n = 0; first < end; first += n) {
             n = end - first;
@@ -185,7 +190,7 @@ private:
             Group group{bricks, first, n, {}, to};
             {
                 Stopwatch const watch(times_ ? &times_->input : nullptr);
-                for (BrickSequence& input : inputs_) group.inputs.push_back(input.cells(first, n));
+                for (BrickSequence& input : inputs_) group.inputs.push_back(input.cells(first, n, run_->space()));
             }
             Stopwatch const watch(times_ ? &times_->compute : nullptr);
             (*run_)(group);
@@ -205,16 +210,17 @@ private:
 } // namespace
 
 void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& execution, StageTimes* times) {
-    GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, execution);
+    Execution const on = where_scanned(operation, execution);
+    GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, on);
     std::size_t const all = bricks.bricks().size();
     for (std::size_t first = 0, n = 0; first < all; first += n) {
         if (execution.monitor != nullptr)
             execution.monitor->poll(static_cast<std::int64_t>(first), static_cast<std::int64_t>(all));
-        n = bricks.group(first, group_limit(execution));
+        n = bricks.group(first, group_limit(on));
         Group group{bricks.bricks(), first, n, {}};
         {
             Stopwatch const watch(times != nullptr ? &times->input : nullptr);
-            group.inputs = {bricks.cells(first, n)};
+            group.inputs = {bricks.cells(first, n, on.space())};
         }
         Stopwatch const watch(times != nullptr ? &times->compute : nullptr);
         scan(group);

@@ -3,9 +3,11 @@
 #include "libvkt/engine/tree_work.h"
 
 #include "libvkt/core/collect.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/spool.h"
 #include "libvkt/engine/stopwatch.h"
 #include "libvkt/engine/travelled.h"
@@ -17,11 +19,6 @@ namespace {
 
 /// Threads pay from this many cells on; smaller bricks are run by the calling thread.
 constexpr std::int64_t threaded_cells = std::int64_t{1} << 17;
-
-Execution on_host(Execution execution) {
-    execution.device = Device::cpu;
-    return execution;
-}
 
 void require_equal_trees(Operation const& operation, std::vector<BrickSequence> const& inputs) {
     for (BrickSequence const& other : inputs) {
@@ -59,11 +56,11 @@ template <class Count> BrickSequence timed(BrickSequence bricks, Count count) {
             double seconds = 0;
             {
                 Stopwatch const watch(&seconds);
-                source->read(first, n, to);
+                source->read(first, n, to, source->space());
             }
             count(seconds, source->bricks().cells(first, n));
         },
-        source->order());
+        source->order(), source->space());
     result.set_group_bytes(source->group_bytes());
     return result;
 }
@@ -82,7 +79,7 @@ public:
                 times->input += seconds;
                 times->compute -= seconds; // of the time that the result takes
             });
-        moved_ = operation.move_bricks(std::move(input), execution);
+        moved_ = operation.move_bricks(std::move(input), where_run(operation, execution));
         if (!moved_) refuse_tree(operation, "its cells have no common grid");
         if (times)
             moved_ = timed(*std::move(moved_), [times](double seconds, std::int64_t cells) {
@@ -142,6 +139,24 @@ std::vector<Header> headers_of(std::vector<BrickSequence> const& inputs) {
     return collect(inputs, [](BrickSequence const& input) { return input.header(); });
 }
 
+Execution where_run(Operation const& operation, Execution execution) {
+    if (execution.device == Device::gpu && operation.runs_on_gpu()) {
+        device_select(execution.gpu);
+        return execution;
+    }
+    if (execution.only_gpu) refuse_cpu(text(operation.name(), " of hierarchical volumes as it is asked for here"));
+    execution.device = Device::cpu;
+    return execution;
+}
+
+Execution where_scanned(Operation const& operation, Execution execution) {
+    if (execution.device == Device::gpu && !operation.scans_on_gpu()) {
+        if (execution.only_gpu) refuse_cpu(text("the look at all cells that ", operation.name(), " takes first"));
+        execution.device = Device::cpu;
+    }
+    return where_run(operation, std::move(execution));
+}
+
 Execution execution_for(Box const& box, Execution const& execution) {
     Execution result = execution;
     if (box.voxels() < threaded_cells) result.threads = 1;
@@ -150,7 +165,7 @@ Execution execution_for(Box const& box, Execution const& execution) {
 
 TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
                  StageInfo const& info, TreeOptions const& options)
-    : headers_(headers_of(inputs)), work_(work_of(operation, std::move(inputs), on_host(execution), info, options)) {
+    : headers_(headers_of(inputs)), work_(work_of(operation, std::move(inputs), execution, info, options)) {
     settle_header(headers_, work_->plan, operation.name());
 }
 
@@ -170,12 +185,11 @@ Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& input
 void reduce_hierarchical(Operation& reduction, BrickSequence bricks, Execution const& execution,
                          StageInfo const& info) {
     Header const header = bricks.header();
-    Execution const host = on_host(execution);
     Plan const plan = begun(reduction, {&header, 1});
     std::size_t const largest = bricks.largest_brick();
-    TreeWork const work = tree_work(Shape::reduction, plan, {&header, 1}, {&largest, 1}, host);
-    if (plan.scans) bricks = spooled(std::move(bricks), work.keep, host, info);
-    do scan_bricks(reduction, bricks, host, info.times.get());
+    TreeWork const work = tree_work(Shape::reduction, plan, {&header, 1}, {&largest, 1}, execution);
+    if (plan.scans) bricks = spooled(std::move(bricks), work.keep, execution, info);
+    do scan_bricks(reduction, bricks, execution, info.times.get());
     while (reduction.scans_again());
 }
 

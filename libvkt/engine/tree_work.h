@@ -31,7 +31,7 @@ std::shared_ptr<TreeRun::Work> pointwise_work(Operation& operation, std::vector<
 std::shared_ptr<TreeRun::Work> neighbourhood_work(Operation& operation, BrickSequence input, Execution const& execution,
                                                   StageInfo const& info, TreeOptions const& options);
 
-/// All bricks of a sequence once, for a scan.
+/// All bricks of a sequence once, for a scan, where that runs.
 void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& execution, StageTimes* times);
 
 /// Throws Error{usage}: no meaning on a hierarchical volume.
@@ -44,6 +44,12 @@ std::vector<Header> headers_of(std::vector<BrickSequence> const& inputs);
 
 /// Threads pay only where there are enough cells; smaller bricks are run by the calling thread.
 Execution execution_for(Box const& box, Execution const& execution);
+
+/// Where cells are worked on: on the GPU if that is asked for and the operation, which has begun, runs there. Throws
+/// Error{usage} if nothing else would do.
+Execution where_run(Operation const& operation, Execution execution);
+/// The same of scans.
+Execution where_scanned(Operation const& operation, Execution execution);
 
 /// Bytes of cells that are worked on at once, unless a brick has more.
 std::size_t group_limit(Execution const& execution);

@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/edit.h"
 #include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/decorator.h"
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <optional>
 #include <utility>
-#include <vector>
 
 namespace vkt {
 
@@ -56,7 +56,7 @@ private:
     std::function<void(SteppedBox const&)> on_region_;
     Header header_;
     SteppedBox region_;
-    std::vector<std::byte> scratch_;    ///< rows of the source that have steps
+    Buffer scratch_;                    ///< rows of the source that have steps
     bool narrowed_;                     ///< hierarchical volumes come with the region's bricks only
     std::optional<BrickSequence> tree_; ///< cropped here
 };
@@ -91,7 +91,7 @@ bool RegionSource::next_volume() {
     return true;
 }
 
-/// A slice of the source at a time, or some rows of it.
+/// A slice of the source at a time, or some rows of it, where the source has them.
 void RegionSource::read_steps(AnyView const& out) {
     std::size_t const row = static_cast<std::size_t>(in_whole(out.box).dims().x) * size_of(out.type);
     std::int64_t const rows = std::max<std::int64_t>(1, static_cast<std::int64_t>(most_scratch / row) / region_.step.y);
@@ -103,8 +103,8 @@ void RegionSource::read_steps(AnyView const& out) {
             part.lower.z = z;
             part.upper.z = z + 1;
             Box const box = in_whole(part);
-            scratch_.resize(static_cast<std::size_t>(box.voxels()) * size_of(out.type));
-            AnyView const held = dense_view(scratch_.data(), out.type, box);
+            scratch_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(out.type));
+            AnyView const held = dense_view(scratch_.write(out.space), out.type, box, out.space);
             inner().read(held);
             copy_every(held, region_.step, out.part(part));
         }

@@ -16,6 +16,7 @@ namespace vkt {
 #ifdef VKT_CUDA
 void fill_border_on_device(AnyView window, Box const& inside, Index3 dims, Boundary boundary, double border_value);
 void copy_region_on_device(ConstView from, AnyView to);
+void copy_every_on_device(ConstView from, Index3 step, AnyView to);
 #endif
 
 namespace {
@@ -167,6 +168,13 @@ void copy_region(ConstView from, AnyView to, Execution const& execution) {
 }
 
 void copy_every(ConstView from, Index3 step, AnyView to) {
+    if (from.space == Space::device || to.space == Space::device) {
+#ifdef VKT_CUDA
+        return copy_every_on_device(from, step, to);
+#else
+        throw Error(ErrorKind::resources, "device memory in a build without CUDA");
+#endif
+    }
     std::size_t const size = size_of(to.type);
     auto const copy_row = [&](std::int64_t y, std::int64_t z) {
         std::int64_t const n = to.dims().x;

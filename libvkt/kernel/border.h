@@ -17,7 +17,7 @@ void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary
 /// Copies voxels between views of equal type and dims (lower corners may differ), host or device on either side.
 void copy_region(ConstView from, AnyView to, Execution const& execution);
 
-/// Copies every step-th voxel of one host view, from its first on, to another of equal type.
+/// Copies every step-th voxel of one view, from its first on, to another of equal type in the same memory.
 void copy_every(ConstView from, Index3 step, AnyView to);
 
 } // namespace vkt

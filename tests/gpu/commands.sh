@@ -274,8 +274,7 @@ for type in $types; do
         facts="facts_${type}_$(echo "$options" | cksum | cut -d ' ' -f 1).json"
         same text "$vkt label few_$type.vkt --by-value $options --device \$DEVICE -q --no-history --force --report $facts | cksum && cat $facts"
     done
-    # Sums of halves are rounded once, on CPUs only.
-    [ "$type" = float16 ] || same "$tolerance" "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
+    same 0 "$vkt arith add far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
     same 0 "$vkt arith gt far_$type.vkt 3 --roi 3:,1:,2: --device \$DEVICE -q"
     # Interpolated in float32; integers may be rounded either way.
     case $type in float*) tolerance=1e-3 ;; *) tolerance=1 ;; esac
@@ -325,6 +324,65 @@ for pair in 'a_int64.vkt a_float64.vkt' 'huge.vkt a_float64.vkt' 'odd.vkt a_int6
 done
 same text "$vkt pipe 'diff in_uint8.nrrd in_int16.nrrd --tolerance 1e9 --json'"
 
+# Every so many voxels: gathered where they lie, from files and from the stage before.
+for type in uint8 int16 float32 float64; do
+    for roi in 3:-2:2,1::3,5:-1:4 ::7,:,: 60:61,::2,:; do
+        for command in crop 'project max --axis x' 'project mean --axis z' 'project std --axis y' 'project median --axis z'; do
+            same 1e-6 "$vkt $command in_$type.nrrd --roi $roi --device \$DEVICE -q"
+            same 1e-6 "$vkt pipe 'read in_$type.nrrd | flip y | $command --roi $roi' --device \$DEVICE -q"
+        done
+        for command in 'stats --percentiles 3,50' 'histogram --bins 33'; do
+            same text "$vkt $command in_$type.nrrd --roi $roi --slab 3 --device \$DEVICE --json"
+            same text "$vkt pipe 'read in_$type.nrrd | flip y | $command --roi $roi --json' --device \$DEVICE"
+        done
+        same text "$vkt diff in_$type.nrrd in_uint16.nrrd --roi $roi --ssim --mutual-information --tolerance 1e9 --device \$DEVICE --json"
+    done
+    # The same sequence of voxels with other extents: whole, cut, and of the stage before.
+    same 0 "$vkt set in_$type.nrrd --dims 67 41 130 --device \$DEVICE -q"
+    same 0 "$vkt pipe 'read in_$type.nrrd | flip z | set --dims 8710 41 1 | flip y' --slab 3 --device \$DEVICE -q"
+    same 0 "$vkt set in_$type.nrrd --dims 1 1 357110 --slab 977 --device \$DEVICE -q"
+done
+
+# Numbers that the type of the computation rounds first: results are rounded once.
+for type in $types; do
+    for command in 'add - 0.1' 'mul - 0.1' 'mul - -1.7' 'div - 0.3' 'div - 3' 'sub 0.7 -' 'absdiff - 33.3' \
+        'add - 9007199254740993' 'sub - 18446744073709551615' 'mul - 18446744073709551615' 'max - 9007199254740993' 'gt - 9007199254740993'; do
+        for volume in a far; do
+            # shellcheck disable=SC2086  # a list of words
+            set -- $command
+            [ "$2" = - ] && words="$1 ${volume}_$type.vkt $3" || words="$1 $2 ${volume}_$type.vkt"
+            same 0 "$vkt arith $words --device \$DEVICE -q"
+        done
+    done
+    for other in $types; do
+        for op in add sub mul div min le absdiff; do
+            same 0 "$vkt arith $op far_$type.vkt a_$other.vkt --device \$DEVICE -q"
+        done
+    done
+done
+
+# How alike: windows and counts as CPUs have them, also of axes that are mirrored, of one voxel, and longer than what
+# is worked on at once.
+for type in $types; do
+    for pair in "a_$type.vkt b_$type.vkt" "mapped_$type.vkt a_uint8.vkt"; do
+        same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+        same text "$vkt diff $pair --ssim --ssim-range 100 --mutual-information --bins 300 --tolerance inf --device \$DEVICE --json"
+    done
+done
+for pair in 'huge.vkt a_float64.vkt' 'odd.vkt a_int64.vkt' 'odd.vkt odd.vkt' 'none_float32.vkt a_float32.vkt' \
+    'tiny.nrrd tiny.nrrd' 'long_float32.vkt long_int16.vkt' 'in_uint8.nrrd in_float32.nrrd'; do
+    same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+    same text "$vkt diff $pair --ssim --mutual-information --bins 1024 --memory 4M --tolerance inf --device \$DEVICE --json -q"
+done
+"$vkt" make noise --dims 2300 40 1 --seed 2 -o wide_a.nrrd
+"$vkt" make noise --dims 2300 40 1 --seed 3 --dtype uint16 --high 1 -o wide_b.nrrd
+"$vkt" filter gaussian large.nrrd --sigma 1 -q -o smooth.nrrd
+for pair in 'wide_a.nrrd wide_b.nrrd' 'large.nrrd smooth.nrrd'; do
+    same text "$vkt diff $pair --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+done
+same text "$vkt filter gaussian large.nrrd --sigma 1 --device cpu -q | $vkt diff - large.nrrd --ssim --mutual-information --tolerance inf --device \$DEVICE --json"
+same text "$vkt pipe 'read in_uint8.nrrd | flip x | diff in_int16.nrrd --ssim --mutual-information --tolerance 1e9 --json'"
+
 # What does not run on a GPU says so.
 refused() {
     checked=$((checked + 1))
@@ -339,13 +397,34 @@ refused() {
 "$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt
 "$vkt" convert tree.vkt --dtype float64 -o wide.vkt
 "$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
-refused stats tree.vkt
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
-refused diff a_uint8.vkt b_uint8.vkt --ssim
-refused crop tree.vkt --roi 1:5,:,:
+refused refine a_float32.vkt
+refused make amr
 refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
+
+# Trees that stay trees: cells as they come, and near others; in groups of bricks that a budget makes small, too.
+"$vkt" make amr --field disk --blocks 900 --levels 4 --dtype uint16 -o many.vkt
+for tree in tree.vkt wide.vkt whole.vkt many.vkt; do
+    for command in 'convert --dtype uint8' 'convert --dtype int16 --range minmax' 'convert --dtype auto' \
+        'convert --dtype uint8 --range p5:p95' 'arith mul - 3' 'arith gt - 0.5' "arith absdiff - $work/$tree" \
+        'transform v*x+y-z' 'transform v*2+1' 'fill --value 7 --roi 3:40,5:,:20' 'threshold --otsu' 'threshold --above 0.5' \
+        'crop --roi 3:40,5:,:20' 'flip x' 'flip y' 'flip z' 'permute zyx' 'permute yxz' 'permute zxy' \
+        'morphology dilate --radius 1' 'filter median --radius 1' 'filter box --radius 1' 'filter box --radius 2 --memory 2M' \
+        'convert --dtype float64 --memory 2M'; do
+        same 0 "$vkt read $tree | $vkt $command --device \$DEVICE -q"
+    done
+    for command in 'filter gaussian --sigma 2' 'filter sobel' 'filter gradient' 'filter sharpen --sigma 1'; do
+        same 1e-5 "$vkt read $tree | $vkt $command --dtype float32 --device \$DEVICE -q"
+    done
+    for command in 'stats --json' 'stats --json --roi 3:40,5:,:20' 'stats --json --percentiles 1,50,99' 'stats --json --memory 2M' \
+        'histogram --json' 'histogram --json --roi 3:40,5:,:20 --bins 77' "diff - $work/tree.vkt --json --tolerance inf"; do
+        same text "$vkt read $tree | $vkt $command --device \$DEVICE"
+    done
+    same 0 "$vkt pipe 'read $tree | crop --roi 3:40,5:,:20 | arith mul - 2 | flip y | filter median --radius 1 | permute zyx' -q"
+    same 1e-5 "$vkt pipe 'read $tree | crop --roi 3:40,5:,:20 | arith mul - 2 | flip y | resample --method average' -q"
+done
 
 # Trees to grids: cells as they are, and sums in float32.
 for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \

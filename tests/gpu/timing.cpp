@@ -288,8 +288,9 @@ void time_all() {
                   words_of("pad --by 8:8,8:8,8:8 --boundary mirror"), words_of("rotate --axis z --angle 20"),
                   words_of("rotate --axis 1,2,3 --angle 20"), words_of("rotate --axis 1,2,3 --angle 20 --method cubic"),
                   words_of("filter kernel cube.txt"), words_of("filter sobel"), words_of("filter box --radius 2"),
-                  words_of("filter median --radius 1"), words_of("filter gaussian --sigma 8"),
-                  words_of("morphology erode --radius 2 --shape box"), words_of("threshold --above 1"),
+                  words_of("filter box --radius 32"), words_of("filter median --radius 1"),
+                  words_of("filter gaussian --sigma 8"), words_of("morphology erode --radius 2 --shape box"),
+                  words_of("morphology erode --radius 32 --shape box"), words_of("threshold --above 1"),
                   words_of("arith add - 3"), words_of("convert --dtype uint8")})
                 time_words(std::move(words), type, n, line);
             Statistics statistics;

@@ -28,6 +28,7 @@ public:
     void read(AnyView out) override { source_.read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return source_.borrow(region); }
     void expect(Box const& region) override { source_.expect(region); }
+    Space space() const override { return source_.space(); }
     void finish() override {}
 
 private:
@@ -138,7 +139,7 @@ public:
         }
     }
 
-    bool runs_on_gpu() const override { return !ssim && !information && !roi.has_steps(); }
+    bool runs_on_gpu() const override { return true; }
     bool satisfied() const override { return satisfied_; }
 
 private:

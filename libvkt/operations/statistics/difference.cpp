@@ -9,8 +9,8 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
-#include "libvkt/engine/window.h"
 #include "libvkt/operations/statistics/kernels/difference.h"
+#include "libvkt/operations/statistics/slabs.h"
 
 #include <cmath>
 #include <limits>
@@ -19,24 +19,6 @@
 namespace vkt {
 
 namespace {
-
-/// One source's slabs, in place or copied, where they are compared.
-class Slabs {
-public:
-    Slabs(Source& source, Execution const& on) : source_(source), on_(on) {
-        window_.reset({.volume_dims = source.header().dims, .type = source.header().dtype});
-        source.expect(box_of(source.header().dims));
-    }
-    ConstView at(Box const& box) {
-        if (auto const lent = source_.borrow(box); lent && lent->space == on_.space()) return *lent;
-        return window_.fetch(source_, box, on_);
-    }
-
-private:
-    Source& source_;
-    Execution on_;
-    Window window_;
-};
 
 /// What rows add up to, one after the other.
 class Sum {
@@ -70,6 +52,8 @@ void compare_slabs(Source& a, Source& b, Execution const& execution, DifferenceR
     Header const &ha = a.header(), &hb = b.header();
     Execution const on = where_looked_at(execution, a.space() == Space::device && b.space() == Space::device);
     Cut const cut = cut_of(ha, slab_hint_on(on, ha, a.natural_slab()), on);
+    a.expect(box_of(ha.dims));
+    b.expect(box_of(hb.dims));
     Slabs slabs_a(a, on), slabs_b(b, on);
     std::vector<RowDifference> rows;
     Sum sum;
@@ -100,9 +84,8 @@ Box cells_reaching_into(Box const& region, Brick const& brick, Index3 width) {
 
 /// Cell by cell, where the trees are the same; of bricks that stick out of the region of both, those that reach into
 /// it.
-void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& to) {
-    if (execution.only_gpu) refuse_cpu("diff of hierarchical volumes");
-    execution.device = Device::cpu;
+void compare_trees(Source& a, Source& b, Execution const& execution, DifferenceResult& to) {
+    Execution const on = where_looked_at(execution, false);
     BrickSequence cells_a = a.take_bricks(), cells_b = b.take_bricks();
     BrickTable const& bricks = cells_a.bricks();
     to.same_tree = bricks == cells_b.bricks();
@@ -114,7 +97,7 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
     std::int64_t count = 0;
     for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
         n = cells_a.group(first, brick_group_bytes);
-        std::byte const *at_a = cells_a.cells(first, n), *at_b = cells_b.cells(first, n);
+        std::byte const *at_a = cells_a.cells(first, n, on.space()), *at_b = cells_b.cells(first, n, on.space());
         for (std::size_t i = first; i < first + n; ++i) {
             Brick const brick = bricks[i];
             Box const box = box_of(brick.dims);
@@ -124,9 +107,9 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
                 count += inside.voxels();
                 std::int64_t const ny = inside.dims().y;
                 rows.resize(static_cast<std::size_t>(ny * inside.dims().z));
-                difference_rows({dense_view(at_a, ha.dtype, box).part(inside),
-                                 dense_view(at_b, hb.dtype, box).part(inside), ha.values, hb.values},
-                                rows.data(), execution);
+                difference_rows({dense_view(at_a, ha.dtype, box, on.space()).part(inside),
+                                 dense_view(at_b, hb.dtype, box, on.space()).part(inside), ha.values, hb.values},
+                                rows.data(), on);
                 for (std::size_t r = 0; r < rows.size(); ++r) {
                     auto const row = static_cast<std::int64_t>(r);
                     Index3 const cell = inside.lower + Index3{0, row % ny, row / ny}; // rows count x themselves

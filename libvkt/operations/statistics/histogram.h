@@ -70,7 +70,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
-    bool runs_on_gpu() const override { return merged.empty() && !roi.has_steps(); }
+    bool runs_on_gpu() const override { return merged.empty(); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     HistogramResult const& result() const { return result_; }

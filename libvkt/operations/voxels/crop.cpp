@@ -106,8 +106,8 @@ void Crop::begin(std::span<Header const> inputs, Plan const&) { box_ = wanted(in
 
 Box Crop::footprint(Box const& output, int) const { return box_.source(output); }
 
-std::optional<BrickSequence> Crop::move_bricks(BrickSequence input, Execution const&) {
-    return crop_tree(std::move(input), box_.box);
+std::optional<BrickSequence> Crop::move_bricks(BrickSequence input, Execution const& execution) {
+    return crop_tree(std::move(input), box_.box, execution.space());
 }
 
 void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

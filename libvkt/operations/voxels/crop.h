@@ -28,8 +28,7 @@ public:
     /// Keeps the bricks that any reconstruction inside the region needs.
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    /// What has steps is gathered on the host.
-    bool runs_on_gpu() const override { return !region_.has_steps(); }
+    bool runs_on_gpu() const override { return true; }
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
     ReferenceVolume* like() override { return &like_; }
     std::string_view volume_file() const override { return "like"; }

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/flip.h"
 
-#include "libvkt/amr/edit.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/voxels/kernels/flip.h"
 
@@ -55,7 +54,13 @@ std::optional<BrickSequence> Flip::move_bricks(BrickSequence input, Execution co
     if (!(box_ == box_of(input.header().dims)))
         throw Error(ErrorKind::usage, "a part of a hierarchical volume cannot be mirrored: bricks would be cut",
                     "flip all of it, or make it a grid first: vkt resample --cells 50M");
-    return flip_tree(std::move(input), axis_, execution);
+    return flip_tree(std::move(input), axis_, mirrored_cells(axis_), execution);
+}
+
+MoveCells mirrored_cells(Axis axis) {
+    return [axis](ConstView from, std::byte* to, Execution const& execution) {
+        flip_box(from, dense_view(to, from.type, from.box, execution.space()), axis, execution);
+    };
 }
 
 Box Flip::mirrored(Box part) const {

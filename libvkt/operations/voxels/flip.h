@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/amr/edit.h"
 #include "libvkt/engine/operation.h"
 
 namespace vkt {
@@ -55,5 +56,8 @@ protected:
 private:
     Index3 first_, last_;
 };
+
+/// Reverses the cells of bricks along an axis.
+MoveCells mirrored_cells(Axis axis);
 
 } // namespace vkt

@@ -1,11 +1,11 @@
 // Permute: the axes of a volume in another order, or turned towards those of the body.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/kernels/permute.h"
-#include "libvkt/amr/edit.h"
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/voxels/flip.h"
 
 #include <algorithm>
 #include <array>
@@ -120,28 +120,17 @@ public:
         Header header = plan({&input.header(), 1}).output;
         for (int axis = 0; axis < 3; ++axis)
             if (turn_.reversed[static_cast<std::size_t>(axis)])
-                input = flip_tree(std::move(input), static_cast<Axis>(axis), execution);
+                input = flip_tree(std::move(input), static_cast<Axis>(axis), mirrored_cells(static_cast<Axis>(axis)),
+                                  execution);
         std::vector<Brick> bricks = input.bricks().list();
         for (Brick& brick : bricks) brick = {turn_.permuted(brick.lower), turn_.permuted(brick.dims), brick.level};
-        std::size_t const group = input.group_bytes();
-        BrickOrder const order = input.order();
-        auto const source = std::make_shared<BrickSequence>(std::move(input));
-        BrickSequence result(
-            std::move(header), std::move(bricks),
-            [this, source, execution](std::size_t first, std::size_t count, std::byte* to) {
-                DataType const type = source->header().dtype;
-                std::byte const* from = source->cells(first, count);
-                for (std::size_t b = first; b < first + count; ++b) {
-                    Brick const& brick = source->bricks()[b];
-                    permute_box(dense_view(from, type, box_of(brick.dims)),
-                                dense_view(to, type, box_of(turn_.permuted(brick.dims))), turn_.axes, {}, execution);
-                    from += static_cast<std::size_t>(brick.cells()) * size_of(type);
-                    to += static_cast<std::size_t>(brick.cells()) * size_of(type);
-                }
+        return moved_tree(
+            std::move(input), std::move(header), std::move(bricks),
+            [this](ConstView from, std::byte* to, Execution const& on) {
+                Box const box = box_of(turn_.permuted(from.box.dims()));
+                permute_box(from, dense_view(to, from.type, box, on.space()), turn_.axes, {}, on);
             },
-            order);
-        result.set_group_bytes(group);
-        return result;
+            execution);
     }
 
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override {

@@ -140,8 +140,8 @@ Box Project::taken_of(Box const& slab) const {
 }
 
 ConstView Project::gathered(ConstView const& slab, Box const& taken) {
-    gathered_.resize(static_cast<std::size_t>(taken.voxels()) * size_of(slab.type));
-    AnyView const to = dense_view(gathered_.data(), slab.type, taken);
+    gathered_.reserve(static_cast<std::size_t>(taken.voxels()) * size_of(slab.type));
+    AnyView const to = dense_view(gathered_.write(slab.space), slab.type, taken, slab.space);
     copy_every(slab.part(region_.source(taken)), region_.step, to);
     return to;
 }
@@ -150,6 +150,7 @@ void Project::scan(ConstView slab, Execution const& execution) {
     Box const taken = taken_of(slab.box);
     if (taken.empty()) return;
     if (region_.dense()) return project_add(state_, slab.part(region_.source(taken)).moved_to(taken.lower), execution);
+    if (slab.space == Space::device) return project_add(state_, gathered(slab, taken), execution);
     // A few rows at a time, which stay in the caches.
     std::int64_t const most = static_cast<std::int64_t>(
         std::max<std::size_t>(1, gathered_bytes / (static_cast<std::size_t>(taken.dims().x) * size_of(slab.type))));

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/large_vector.h"
+#include "libvkt/core/buffer.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/voxels/kernels/project.h"
 
@@ -43,8 +43,8 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override {}
     std::size_t fit(Index3 largest, Execution const& execution) override;
-    bool runs_on_gpu() const override { return !roi.has_steps(); }
-    bool scans_on_gpu() const override { return runs_on_gpu(); }
+    bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
@@ -59,7 +59,7 @@ private:
 
     SteppedBox region_;
     Index3 dims_; ///< of the region
-    LargeVector<std::byte> gathered_;
+    Buffer gathered_;
     DataType type_ = DataType::uint8;
     ProjectionState state_;
     std::int64_t nan_ = 0; ///< of medians

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/tree.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/kernel/border.h"
 #include "libvkt/operations/common/volkit_header.h"
 
 #include <cmath>
@@ -50,7 +51,7 @@ public:
     }
 
     Shape shape() const override { return Shape::geometric; }
-    bool runs_on_gpu() const override { return !dims; } // voxels stay where they are
+    bool runs_on_gpu() const override { return true; }
     void parameters(Parameters& p) override {
         p.option("spacing", spacing, "S|SX,SY,SZ", "size of a voxel in world units");
         p.option("dist", dist, "X Y Z", "the same in volkit's spelling").values(3, 3);
@@ -148,31 +149,39 @@ public:
     Box footprint(Box const& output, int) const override {
         if (to_ == from_) return output;
         std::int64_t const slice = from_.x * from_.y;
-        auto const position = [&](Index3 p) { return (p.z * to_.y + p.y) * to_.x + p.x; };
         std::int64_t const first = position(output.lower), last = position(output.upper - Index3{1, 1, 1});
         return {{0, 0, first / slice}, {from_.x, from_.y, last / slice + 1}};
     }
 
     /// The cells stay as they are.
-    void run(std::span<ConstView const> inputs, AnyView out, Execution const&) override {
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override {
         ConstView const in = inputs.front();
-        std::size_t const size = size_of(out.type);
         Box const box = out.box;
+        Index3 const n = box.dims();
+        bool const in_sequence = n.x == to_.x && (n.y == to_.y || n.z == 1);
+        if (in_sequence && in.contiguous() && out.contiguous()) {
+            std::int64_t const skipped = position(box.lower) - in.box.lower.z * from_.x * from_.y;
+            std::byte const* const first = in.data + skipped * static_cast<std::int64_t>(size_of(out.type));
+            return copy_region(dense_view(first, out.type, box, in.space), out, execution);
+        }
         for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
             for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
                 std::int64_t x = box.lower.x;
                 while (x < box.upper.x) { // pieces of the row that lie in one row of the input
-                    std::int64_t const at = (z * to_.y + y) * to_.x + x;
-                    std::int64_t const from_x = at % from_.x;
-                    std::int64_t const n = std::min(box.upper.x - x, from_.x - from_x);
-                    std::memcpy(out.at(x, y, z), in.at(from_x, at / from_.x % from_.y, at / from_.x / from_.y),
-                                static_cast<std::size_t>(n) * size);
-                    x += n;
+                    std::int64_t const at = position({x, y, z});
+                    Index3 const from{at % from_.x, at / from_.x % from_.y, at / from_.x / from_.y};
+                    std::int64_t const end = std::min(box.upper.x, x + from_.x - from.x);
+                    copy_region(in.part({from, from + Index3{end - x, 1, 1}}),
+                                out.part({{x, y, z}, {end, y + 1, z + 1}}), execution);
+                    x = end;
                 }
             }
     }
 
 private:
+    /// Of a voxel of the result in the sequence of all of them.
+    std::int64_t position(Index3 p) const { return (p.z * to_.y + p.y) * to_.x + p.x; }
+
     Index3 from_, to_;
 };
 

@@ -26,11 +26,12 @@ template <class Real> struct Flight {
     Medium medium;
 };
 
-/// Free flight by delta tracking (Woodcock et al. 1965): tentative collisions at the majorant's rate, accepted with the
-/// true share. The exponential is memoryless, so what is left of it goes on into the next cell.
-template <ScalarField S, class Real = typename S::Real>
-VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Vector origin,
-                        typename S::Vector direction, Real length, Real world, Random& random, Counters& counters) {
+/// Calls at(t, medium, majorant) at tentative collisions, which come at the majorant's rate, until one returns false.
+/// Their distances are exponential, which is memoryless, so that what is left of one goes on into the next cell.
+template <ScalarField S, class F, class Real = typename S::Real>
+VKT_HD void for_each_tentative_collision(S const& sampler, SceneView const& scene, typename S::Vector origin,
+                                         typename S::Vector direction, Real length, Real world, Random& random,
+                                         Counters& counters, F const& at) {
     CellWalk<Real> cells;
     cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
@@ -43,7 +44,7 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
             std::int64_t const index = scene.cells.index(cells.cell);
             majorant = scene.cells.majorant[index] * world;
             if (majorant > 0) break;
-            if (!cells.leap(scene.cells.distance[index])) return {false, length, {}};
+            if (!cells.leap(scene.cells.distance[index])) return;
         }
         Real t = cells.t;
         Real const leave = cells.leave();
@@ -51,12 +52,25 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
             t += left / majorant;
             Medium const m = medium_at(sampler, scene, origin + direction * t);
             ++counters.samples;
-            if (random.next() * majorant < m.extinction * world) return {true, t, m};
+            if (!at(t, m, majorant)) return;
             left = -std::log(1.0F - random.next());
         }
         left -= static_cast<float>(majorant * (leave - t));
     } while (cells.advance());
-    return {false, length, {}};
+}
+
+/// Free flight by delta tracking (Woodcock et al. 1965): tentative collisions are accepted with the true share.
+template <ScalarField S, class Real = typename S::Real>
+VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Vector origin,
+                        typename S::Vector direction, Real length, Real world, Random& random, Counters& counters) {
+    Flight<Real> flight{false, length, {}};
+    for_each_tentative_collision(sampler, scene, origin, direction, length, world, random, counters,
+                                 [&](Real t, Medium const& m, Real majorant) {
+                                     if (!(random.next() * majorant < m.extinction * world)) return true;
+                                     flight = {true, t, m};
+                                     return false;
+                                 });
+    return flight;
 }
 
 /// Share of a light that passes a way, without bias: at tentative collisions the share of the majorant that the
@@ -66,34 +80,16 @@ template <ScalarField S, class Real = typename S::Real>
 VKT_HD float passed(S const& sampler, SceneView const& scene, typename S::Vector origin, typename S::Vector direction,
                     Real length, Real world, Random& random, Counters& counters) {
     constexpr float little = 0.1F;
-    CellWalk<Real> cells;
-    cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
-                scene.cells.ny, scene.cells.nz);
-    float left = -std::log(1.0F - random.next()), share = 1;
-    do {
-        Real majorant = 0;
-        for (;;) {
-            std::int64_t const index = scene.cells.index(cells.cell);
-            majorant = scene.cells.majorant[index] * world;
-            if (majorant > 0) break;
-            if (!cells.leap(scene.cells.distance[index])) return share;
-        }
-        Real t = cells.t;
-        Real const leave = cells.leave();
-        while (left < majorant * (leave - t)) {
-            t += left / majorant;
-            Medium const m = medium_at(sampler, scene, origin + direction * t);
-            ++counters.samples;
-            float const kept = 1.0F - static_cast<float>(m.extinction * world / majorant);
-            share *= kept > 0 ? kept : 0.0F;
-            if (share < little) {
-                if (random.next() * little >= share) return 0;
-                share = little;
-            }
-            left = -std::log(1.0F - random.next());
-        }
-        left -= static_cast<float>(majorant * (leave - t));
-    } while (cells.advance());
+    float share = 1;
+    for_each_tentative_collision(sampler, scene, origin, direction, length, world, random, counters,
+                                 [&](Real, Medium const& m, Real majorant) {
+                                     float const kept = 1.0F - static_cast<float>(m.extinction * world / majorant);
+                                     share *= kept > 0 ? kept : 0.0F;
+                                     if (share >= little) return true;
+                                     bool const on = random.next() * little < share;
+                                     share = on ? little : 0;
+                                     return on;
+                                 });
     return share;
 }
 

@@ -9,80 +9,181 @@
 #include "libvkt/operations/filter/kernels/device_large_values.h"
 #include "libvkt/operations/filter/kernels/window_parts.h"
 
-#include <cstring>
+#include <algorithm>
+#include <bit>
+#include <type_traits>
 #include <vector>
 
 namespace vkt::VKT_BACKEND {
 namespace {
 
 /// A voxel as what is summed up, or as its key.
-template <class Op, class S> __device__ __forceinline__ S load(DataType type, std::byte const* from) {
+template <class Op, class S, class T> __device__ __forceinline__ S value_of(T const* from) {
     if constexpr (std::is_same_v<Op, Sum>)
-        return static_cast<S>(driver::load_value<double>(type, from));
+        return static_cast<S>(driver::as_compute<double>(*from));
     else
-        return driver::load_neighbour<S>(type, from);
+        return driver::neighbour_of<S, T>(from);
 }
 
-/// out(p) = in(p) op … op in(p + w - 1) along an axis; both of the same coordinates, from their first voxels on.
-template <class Op, class S> struct AlongAxis {
-    S const* in;
-    S* out;
-    std::int64_t in_row, in_slice, row, slice, step;
-    std::int64_t width;
-
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts&) const {
-        S const* from = in + x + y * in_row + z * in_slice;
-        S value = *from;
-        for (std::int64_t i = 1; i < width; ++i) value = Op::of(value, from[i * step]);
-        out[x + y * row + z * slice] = value;
+/// Windows of so many values, of which at least K, that begin at each of the first `count` <= K values of load(0),
+/// load(1), …: store(j, window). The values that all K windows have are joined once, so that a window takes (width + K)
+/// / K of them or hardly more, however wide it is, and only values of its own.
+template <int K, class Op, class S, class Load, class Store>
+__device__ __forceinline__ void windows_of_run(int width, int count, Load load, Store store) {
+    S before[K]; // of what comes before the common values, from the j-th on
+    if constexpr (K > 1) {
+#pragma unroll
+        for (int j = 0; j < K - 1; ++j) before[j] = load(j);
+#pragma unroll
+        for (int j = K - 3; j >= 0; --j) before[j] = Op::of(before[j], before[j + 1]);
     }
-};
+    S common = load(K - 1), beyond{};
+#pragma unroll 4
+    for (int i = K; i < width; ++i) common = Op::of(common, load(i));
+#pragma unroll
+    for (int j = 0; j < K; ++j) {
+        if (j >= count) continue;
+        if (j > 0) beyond = j == 1 ? load(width) : Op::of(beyond, load(width + j - 1));
+        S const value = j == 0 ? common : Op::of(common, beyond);
+        store(j, j < K - 1 ? Op::of(before[j], value) : value);
+    }
+}
 
-/// The first pass, along x, from voxels of any type.
-template <class Op, class S> struct AlongRow {
+/// Calls f with how many windows are best made at once.
+template <class F> void with_run(std::int64_t width, F const& f) {
+    if (width >= 16)
+        f(std::integral_constant<int, 16>{});
+    else if (width >= 8)
+        f(std::integral_constant<int, 8>{});
+    else if (width >= 4)
+        f(std::integral_constant<int, 4>{});
+    else
+        f(std::integral_constant<int, 1>{});
+}
+
+/// The first pass, along x, from voxels of any type, and how it is divided into blocks.
+template <class Op, class S> struct Rows {
     driver::DeviceRows in;
-    S* out;
-    std::int64_t row, slice;
-    std::int64_t width;
-    S scale; ///< of what is summed up
+    S* out = nullptr;                               ///< dense
+    std::int64_t columns = 0, height = 1, rows = 0; ///< of the result, rows along y and all of them
+    std::int64_t pieces = 1;                        ///< of a row
+    int piece_log = 0, block_rows = 1;              ///< columns of a piece, to base 2; rows of a block
+    int width = 1;
+    S scale = 1; ///< of what is summed up
+};
 
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts&) const {
-        S value = load<Op, S>(in.type, in.at(x, y, z));
-        if constexpr (std::is_same_v<Op, Sum>) value *= scale;
-        for (std::int64_t i = 1; i < width; ++i) {
-            S next = load<Op, S>(in.type, in.at(x + i, y, z));
-            if constexpr (std::is_same_v<Op, Sum>) next *= scale;
-            value = Op::of(value, next);
+/// A block: pieces of some rows, in shared memory. There is room after every K values, so that the threads, which have
+/// K windows each, reach for different banks.
+template <int K, class Op, class S>
+__global__ void __launch_bounds__(driver::block_threads) rows_kernel(__grid_constant__ Rows<Op, S> const m) {
+    constexpr int threads = driver::block_threads;
+    extern __shared__ __align__(16) unsigned char memory[];
+    auto* const values = reinterpret_cast<S*>(memory);
+    auto const place = [](int i) { return K > 1 ? i + i / K : i; };
+    int const thread = static_cast<int>(threadIdx.x), piece = 1 << m.piece_log, length = piece + m.width - 1,
+              pitch = place(length - 1) + 1;
+    std::int64_t const first_row = blockIdx.x / m.pieces * m.block_rows, column = blockIdx.x % m.pieces << m.piece_log;
+    with_type(m.in.type, [&]<class T>(T) {
+        if constexpr (std::is_same_v<Op, Sum> || sizeof(T) == sizeof(S)) {
+            for (int r = 0; r < m.block_rows && first_row + r < m.rows; ++r) {
+                auto const* const from =
+                    reinterpret_cast<T const*>(m.in.at(column, (first_row + r) % m.height, (first_row + r) / m.height));
+                auto const n = static_cast<int>(min(std::int64_t{length}, m.columns + m.width - 1 - column));
+                for (int i = thread; i < n; i += threads) {
+                    S value = value_of<Op, S>(from + i);
+                    if constexpr (std::is_same_v<Op, Sum>) value *= m.scale;
+                    values[r * pitch + place(i)] = value;
+                }
+            }
         }
-        out[x + y * row + z * slice] = value;
+    });
+    __syncthreads();
+    int const runs = piece / K, row = thread / runs, first = thread % runs * K;
+    bool const works = row < m.block_rows;
+    S made[K];
+    if (works)
+        windows_of_run<K, Op, S>(
+            m.width, K, [&](int i) { return values[row * pitch + place(first + i)]; },
+            [&](int j, S window) { made[j] = window; });
+    __syncthreads();
+    if (works)
+#pragma unroll
+        for (int j = 0; j < K; ++j) values[row * pitch + place(first + j)] = made[j];
+    __syncthreads();
+    for (int i = thread; i < m.block_rows << m.piece_log; i += threads) {
+        int const r = i >> m.piece_log, x = i & (piece - 1);
+        if (first_row + r < m.rows && column + x < m.columns)
+            m.out[(first_row + r) * m.columns + column + x] = values[r * pitch + place(x)];
+    }
+}
+
+template <class Op, class S> void windows_of_rows(Rows<Op, S> m) {
+    with_run(m.width, [&]<int K>(std::integral_constant<int, K>) {
+        constexpr int most = driver::block_threads * K; // windows of a block
+        constexpr std::size_t room = 96 << 10;
+        // Wide windows are worth long pieces: what pieces have in common is loaded for each.
+        auto const longest = static_cast<std::uint64_t>(std::min(most, m.width > 1024 ? 4096 : 1024));
+        auto const piece = static_cast<int>(
+            std::clamp(std::bit_ceil(static_cast<std::uint64_t>(m.columns)), std::uint64_t{K}, longest));
+        int const length = piece + m.width - 1, pitch = length + length / K;
+        std::size_t const row_bytes = static_cast<std::size_t>(pitch) * sizeof(S);
+        m.piece_log = std::countr_zero(static_cast<unsigned>(piece));
+        m.block_rows = std::max(1, std::min(most / piece, static_cast<int>(room / row_bytes)));
+        m.pieces = (m.columns + piece - 1) / piece;
+        std::int64_t const blocks = m.pieces * ((m.rows + m.block_rows - 1) / m.block_rows);
+        std::size_t const bytes = static_cast<std::size_t>(m.block_rows) * row_bytes;
+        (void)cudaFuncSetAttribute(rows_kernel<K, Op, S>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                   static_cast<int>(bytes));
+        rows_kernel<K, Op, S><<<static_cast<unsigned>(blocks), driver::block_threads, bytes>>>(m);
+        check_launch("box windows along x");
+    });
+}
+
+/// The second pass, along y: a thread has K windows of a column.
+template <int K, class Op, class S> struct AlongRows {
+    S const* in;
+    S* out; ///< slices of `count` rows
+    std::int64_t row, in_slice, slice, count;
+    int width;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t run, std::int64_t z,
+                                               driver::LossCounts&) const {
+        std::int64_t const first = run * K;
+        S const* const from = in + x + first * row + z * in_slice;
+        S* const to = out + x + first * row + z * slice;
+        windows_of_run<K, Op, S>(
+            width, static_cast<int>(min(std::int64_t{K}, count - first)), [&](int i) { return from[i * row]; },
+            [&](int j, S window) { to[j * row] = window; });
     }
 };
 
-/// Stores what the last pass, along z, makes.
-template <class Op, class S> struct AlongColumn {
+/// The last one, along z: stores voxels.
+template <int K, class Op, class S> struct AlongSlices {
     S const* in;
     std::int64_t row, slice;
     driver::DeviceRows out;
-    std::int64_t width;
-    double count; ///< of the voxels of a box
-    S scale;      ///< not 1: only means of float64 that are not finite are stored
+    std::int64_t count; ///< slices
+    int width;
+    double voxels; ///< of a box
+    S scale;       ///< not 1: only means of float64 that are not finite are stored
 
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t run,
                                                driver::LossCounts& counts) const {
-        S const* from = in + x + y * row + z * slice;
-        S value = *from;
-        for (std::int64_t i = 1; i < width; ++i) value = Op::of(value, from[i * slice]);
-        std::byte* const to = out.at(x, y, z);
+        std::int64_t const first = run * K;
+        S const* const from = in + x + y * row + first * slice;
+        windows_of_run<K, Op, S>(
+            width, static_cast<int>(min(std::int64_t{K}, count - first)), [&](int i) { return from[i * slice]; },
+            [&](int j, S window) { store(out.at(x, y, first + j), window, counts); });
+    }
+    __device__ __forceinline__ void store(std::byte* to, S value, driver::LossCounts& counts) const {
         if constexpr (!std::is_same_v<Op, Sum>) {
             driver::store_result(out.type, to, value, counts);
         } else if (scale == S(1)) {
-            double const mean = static_cast<double>(value) / count;
+            double const mean = static_cast<double>(value) / voxels;
             if (out.type == DataType::float64 && !is_finite(mean)) ++counts.undefined;
             driver::store_value(out.type, to, mean, counts);
         } else if (double& mean = *reinterpret_cast<double*>(to); !is_finite(mean)) {
-            mean = mean_of_scaled(static_cast<double>(value), count, static_cast<double>(scale));
+            mean = mean_of_scaled(static_cast<double>(value), voxels, static_cast<double>(scale));
         }
     }
 };
@@ -96,16 +197,27 @@ template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radi
     auto* const along_x = reinterpret_cast<S*>(rows.get());
     auto* const along_y = reinterpret_cast<S*>(planes.get());
     Box const seen{out.box.lower - radius, out.box.upper + radius};
-    driver::for_each_voxel(first,
-                           AlongRow<Op, S>{driver::device_rows(in, seen), along_x, n.x, n.x * first.y, w.x, scale},
-                           nullptr, "box windows along x");
-    driver::for_each_voxel(second, AlongAxis<Op, S>{along_x, along_y, n.x, n.x * first.y, n.x, n.x * n.y, n.x, w.y},
-                           nullptr, "box windows along y");
+    windows_of_rows<Op, S>({.in = driver::device_rows(in, seen),
+                            .out = along_x,
+                            .columns = n.x,
+                            .height = first.y,
+                            .rows = first.y * first.z,
+                            .width = static_cast<int>(w.x),
+                            .scale = scale});
+    with_run(w.y, [&]<int K>(std::integral_constant<int, K>) {
+        driver::for_each_voxel(
+            {n.x, (n.y + K - 1) / K, second.z},
+            AlongRows<K, Op, S>{along_x, along_y, n.x, n.x * first.y, n.x * n.y, n.y, static_cast<int>(w.y)}, nullptr,
+            "box windows along y");
+    });
     driver::DeviceLosses const counts;
-    driver::for_each_voxel(n,
-                           AlongColumn<Op, S>{along_y, n.x, n.x * n.y, driver::device_rows(ConstView(out), out.box),
-                                              w.z, static_cast<double>(w.x * w.y * w.z), scale},
-                           counts.get(), "box windows along z");
+    with_run(w.z, [&]<int K>(std::integral_constant<int, K>) {
+        driver::for_each_voxel(
+            {n.x, n.y, (n.z + K - 1) / K},
+            AlongSlices<K, Op, S>{along_y, n.x, n.x * n.y, driver::device_rows(ConstView(out), out.box), n.z,
+                                  static_cast<int>(w.z), static_cast<double>(w.x * w.y * w.z), scale},
+            counts.get(), "box windows along z");
+    });
     counts.add_to(losses);
 }
 
@@ -131,12 +243,12 @@ template <class Op, class K> struct Ball {
 
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
-        K value = load<Op, K>(in.type, in.at(x + rx, y + ry, z + rz));
+        K value = driver::load_neighbour<K>(in.type, in.at(x + rx, y + ry, z + rz));
         for (int k = 0; k <= 2 * rz; ++k)
             for (int j = 0; j <= 2 * ry; ++j) {
                 int const h = half[k * (2 * ry + 1) + j];
                 for (int i = rx - h; i <= rx + h; ++i)
-                    value = Op::of(value, load<Op, K>(in.type, in.at(x + i, y + j, z + k)));
+                    value = Op::of(value, driver::load_neighbour<K>(in.type, in.at(x + i, y + j, z + k)));
             }
         driver::store_result(out.type, out.at(x, y, z), value, counts);
     }

@@ -3,6 +3,9 @@
 #include "libvkt/operations/statistics/kernels/similarity.h"
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/statistics/kernels/physical_values.h"
+
+#include <algorithm>
 #include <vector>
 
 namespace vkt {
@@ -14,15 +17,21 @@ constexpr int fields = 5; // a, b, aa, bb, ab
 
 /// One plane's windowed fields, along x and then y.
 void filter_plane(WindowedPair const& p, std::int64_t z, std::vector<double>& scratch) {
-    Index3 const n = p.inner;
+    Index3 const n = p.inner.dims(), lower = p.inner.lower - p.radius;
     std::int64_t const width = n.x + 2 * p.radius.x, rows = n.y + 2 * p.radius.y;
-    scratch.resize(static_cast<std::size_t>(width + fields * n.x * rows));
-    double* const product = scratch.data();
+    scratch.resize(static_cast<std::size_t>(3 * width + fields * n.x * rows));
+    double *const a = scratch.data(), *const b = a + width, *const product = b + width;
     double* const along_x = product + width;
-    for (int f = 0; f < fields; ++f)
-        for (std::int64_t y = 0; y < rows; ++y) {
-            double const* const a = p.a + (z * rows + y) * width;
-            double const* const b = p.b + (z * rows + y) * width;
+    for (std::int64_t y = 0; y < rows; ++y) {
+        Index3 const at = lower + Index3{0, y, z};
+        load_values(p.a, at, width, p.map_a, a);
+        load_values(p.b, at, width, p.map_b, b);
+#pragma omp simd
+        for (std::int64_t x = 0; x < width; ++x) {
+            a[x] -= p.offset;
+            b[x] -= p.offset;
+        }
+        for (int f = 0; f < fields; ++f) {
             double const* const one = f == 1 || f == 3 ? b : a;
             double const* const other = f == 2 ? a : b;
 #pragma omp simd
@@ -35,6 +44,7 @@ void filter_plane(WindowedPair const& p, std::int64_t z, std::vector<double>& sc
 #pragma omp simd
                 for (std::int64_t x = 0; x < n.x; ++x) to[x] += p.weights[k] * (middle[x - k] + middle[x + k]);
         }
+    }
     for (int f = 0; f < fields; ++f)
         for (std::int64_t y = 0; y < n.y; ++y) {
             double const* const middle = along_x + (f * rows + y + p.radius.y) * n.x;
@@ -48,8 +58,9 @@ void filter_plane(WindowedPair const& p, std::int64_t z, std::vector<double>& sc
         }
 }
 
-double index_sum(WindowedPair const& p, std::int64_t y, std::int64_t z, std::vector<double>& scratch) {
-    Index3 const n = p.inner;
+/// Of the segments of one row.
+void sum_indices(WindowedPair const& p, std::int64_t y, std::int64_t z, std::vector<double>& scratch, double* sums) {
+    Index3 const n = p.inner.dims();
     scratch.resize(static_cast<std::size_t>((fields + 1) * n.x));
     for (int f = 0; f < fields; ++f) {
         auto const plane = [&](std::int64_t k) {
@@ -76,15 +87,18 @@ double index_sum(WindowedPair const& p, std::int64_t y, std::int64_t z, std::vec
         double const below = (ua * ua + ub * ub + p.c1) * (va + vb + p.c2);
         index[x] = below == 0 ? 1 : above / below; // two zeros
     }
-    double sum = 0;
-    for (std::int64_t x = 0; x < n.x; ++x) sum += index[x];
-    return sum;
+    for (std::int64_t x = 0; x < n.x; ++sums) {
+        std::int64_t const end = std::min(x + similarity_segment, n.x);
+        *sums = 0;
+        for (; x < end; ++x) *sums += index[x];
+    }
 }
 
 } // namespace
 
 void similarity_rows(WindowedPair const& pair, double* rows, Execution const& execution) {
-    Index3 const n = pair.inner;
+    Index3 const n = pair.inner.dims();
+    std::int64_t const segments = (n.x + similarity_segment - 1) / similarity_segment;
     int const threads = threads_for(execution, box_of(n).voxels());
     for_each_item(execution, threads, n.z + 2 * pair.radius.z, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
@@ -92,7 +106,7 @@ void similarity_rows(WindowedPair const& pair, double* rows, Execution const& ex
     });
     for_each_item(execution, threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
         std::vector<double> scratch;
-        for (std::int64_t r = begin; r < end; ++r) rows[r] = index_sum(pair, r % n.y, r / n.y, scratch);
+        for (std::int64_t r = begin; r < end; ++r) sum_indices(pair, r % n.y, r / n.y, scratch, rows + r * segments);
     });
 }
 
