@@ -69,7 +69,7 @@ TEST(ValueRuns, TouchWhereTheirVoxelsDo) {
     std::mt19937 random(5);
     for (int round = 0; round < 4000; ++round) {
         std::size_t const n = 1 + random() % 140;
-        unsigned const stay = random() % 10, values = 1 + random() % 3;
+        auto const stay = random() % 10, values = 1 + random() % 3;
         auto const row = [&] {
             Row made(n);
             for (std::size_t x = 0; x < n; ++x)

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics/grouped_quantiles.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/core/type_dispatch.h"
@@ -9,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstring>
 
 namespace vkt {
 namespace {
@@ -102,26 +104,70 @@ void GroupedQuantiles::add(std::byte const* voxels, std::uint32_t const* groups,
 
 template <class T>
 void GroupedQuantiles::add_row(T const* row, std::uint32_t const* groups, std::int64_t n, std::int64_t* counters) {
-    int const rest = width_ - known_, left = rest - step_;
-    std::uint64_t const mask = (std::uint64_t{1} << step_) - 1;
+    QuantileClasses const classes = sought();
     for (std::int64_t i = 0; i < n; ++i) {
         std::uint32_t const group = groups[i];
         if (group == no_group || !is_finite_voxel(row[i])) continue;
-        std::uint64_t const bits = ordered_bits(row[i]), prefix = known_ == 0 ? 0 : bits >> rest;
-        for (std::uint32_t k = first_class_[group]; k < first_class_[group + 1]; ++k) {
-            Class const& c = classes_[k];
-            if (c.prefix != prefix) continue;
-            if (!c.keeps) {
-                ++counters[c.at + static_cast<std::int64_t>(bits >> left & mask)];
-                break;
-            }
-            // They are sorted in the end.
-            std::int64_t const place =
-                std::atomic_ref<std::int64_t>(arrived_[k]).fetch_add(1, std::memory_order_relaxed);
-            if (place < c.voxels) kept_[static_cast<std::size_t>(c.at + place)] = bits;
-            break;
+        std::uint64_t const bits = ordered_bits(row[i]);
+        std::uint32_t const k = classes.of(group, bits);
+        if (k == QuantileClasses::none) continue;
+        Class const& c = classes_[k];
+        if (!c.keeps) {
+            ++counters[c.at + classes.next(bits)];
+            continue;
         }
+        // They are sorted in the end.
+        std::int64_t const place = std::atomic_ref<std::int64_t>(arrived_[k]).fetch_add(1, std::memory_order_relaxed);
+        if (place < c.voxels) kept_[static_cast<std::size_t>(c.at + place)] = bits;
     }
+}
+
+namespace {
+
+/// For a GPU, at least one of them.
+template <class T> void put(std::vector<T> const& values, Buffer& to) {
+    std::size_t const bytes = values.size() * sizeof(T);
+    to.reserve(std::max(bytes, sizeof(T)));
+    if (bytes > 0) std::memcpy(to.write(Space::host), values.data(), bytes);
+}
+void put_zeros(std::size_t count, Buffer& to) {
+    to.reserve(std::max<std::size_t>(count, 1) * 8);
+    device_clear(to.write(Space::device), to.bytes());
+}
+template <class Values> void get(Buffer& from, Values& to) {
+    if (!to.empty()) copy_to_host(to.data(), from.read(Space::device), to.size() * sizeof to[0]);
+}
+
+} // namespace
+
+void GroupedQuantiles::begin_on_device(std::vector<std::int64_t> const& keys) {
+    device_ = std::make_shared<DeviceQuantiles>();
+    DeviceQuantiles& d = *device_;
+    put(classes_, d.classes);
+    put(first_class_, d.first);
+    put(keys, d.keys);
+    put_zeros(counters_.size(), d.counters);
+    put_zeros(kept_.size(), d.kept);
+    put_zeros(arrived_.size(), d.arrived);
+    d.groups = std::ssize(keys);
+    d.contiguous =
+        !keys.empty() && static_cast<std::uint64_t>(keys.back()) - static_cast<std::uint64_t>(keys.front()) ==
+                             static_cast<std::uint64_t>(keys.size() - 1);
+    d.width = width_;
+    d.known = known_;
+    d.step = step_;
+}
+
+void GroupedQuantiles::add(GroupedSlab const& slab, std::vector<std::int64_t> const& keys, Execution const& execution) {
+    if (!device_) begin_on_device(keys);
+    grouped_counts(slab, *device_, execution);
+}
+
+void GroupedQuantiles::end_on_device() {
+    get(device_->counters, counters_);
+    get(device_->kept, kept_);
+    get(device_->arrived, arrived_);
+    device_.reset();
 }
 
 /// What the pass found out about the targets of a group that lie in one of its classes.
@@ -154,6 +200,7 @@ void GroupedQuantiles::resolve(Class const& of, Target* targets, std::int64_t* c
 }
 
 void GroupedQuantiles::end_pass() {
+    if (device_) end_on_device();
     std::size_t const each = counters_.size() / static_cast<std::size_t>(threads_);
     for (int thread = 1; thread < threads_; ++thread)
         for (std::size_t b = 0; b < each; ++b) counters_[b] += counters_[static_cast<std::size_t>(thread) * each + b];

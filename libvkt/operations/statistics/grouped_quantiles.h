@@ -4,10 +4,12 @@
 
 #include "libvkt/core/large_vector.h"
 #include "libvkt/core/view.h"
+#include "libvkt/operations/statistics/kernels/grouped_counts.h"
 #include "libvkt/operations/statistics/quantiles.h"
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace vkt {
@@ -36,6 +38,9 @@ public:
     int threads() const { return threads_; }
     /// Voxels of the type and the groups that they belong to, from any number of threads at once.
     void add(std::byte const* voxels, std::uint32_t const* groups, std::int64_t n, int thread);
+    /// Or the voxels of a slab that lies on a GPU, in a pass that began with one thread; `keys`: of the groups,
+    /// ascending.
+    void add(GroupedSlab const& slab, std::vector<std::int64_t> const& keys, Execution const& execution);
     /// Throws Error{data} if other voxels came than were counted before.
     void end_pass();
 
@@ -50,12 +55,7 @@ private:
         std::int64_t voxels = 0;  ///< of its class
         bool found = false;       ///< all bits are
     };
-    struct Class {
-        std::uint64_t prefix = 0;
-        std::int64_t voxels = 0;
-        std::int64_t at = 0; ///< first counter, or first voxel that is kept
-        bool keeps = false;
-    };
+    using Class = QuantileClass;
     struct Tables {
         std::int64_t counters = 0, kept = 0;
         double bytes(int threads) const {
@@ -65,6 +65,9 @@ private:
 
     void make_classes();
     Tables tables(int step) const;
+    QuantileClasses sought() const { return {classes_.data(), first_class_.data(), width_, known_, step_}; }
+    void begin_on_device(std::vector<std::int64_t> const& keys);
+    void end_on_device();
     template <class T> void add_row(T const* row, std::uint32_t const* groups, std::int64_t n, std::int64_t* counters);
     void resolve(Class const& of, Target* targets, std::int64_t* counters);
 
@@ -80,7 +83,8 @@ private:
     std::vector<Class> classes_;
     LargeVector<std::int64_t> counters_; ///< of one thread after the other
     LargeVector<std::uint64_t> kept_;
-    std::vector<std::int64_t> arrived_; ///< of every class that keeps its voxels
+    std::vector<std::int64_t> arrived_;       ///< of every class that keeps its voxels
+    std::shared_ptr<DeviceQuantiles> device_; ///< in a pass on a GPU, until it ends
 };
 
 } // namespace vkt

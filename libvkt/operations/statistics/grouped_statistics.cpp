@@ -305,8 +305,10 @@ void GroupedStatistics::sum(GroupedSlab const& in, Execution const& execution) {
 void GroupedStatistics::select(GroupedSlab const& in, Execution const& execution) {
     if (!quantiles_->in_pass()) {
         std::int64_t const left = room(execution) - std::ssize(numbers_->keys()) * bytes_of_group();
-        quantiles_->begin_pass(static_cast<std::size_t>(std::max<std::int64_t>(0, left)), execution.threads);
+        quantiles_->begin_pass(static_cast<std::size_t>(std::max<std::int64_t>(0, left)),
+                               execution.device == Device::gpu ? 1 : execution.threads);
     }
+    if (execution.device == Device::gpu) return quantiles_->add(in, numbers_->keys(), execution);
     Box const box = in.voxels.box;
     Index3 const n = box.dims();
     int const threads = static_cast<int>(std::clamp<std::int64_t>(box.voxels() / 32768, 1, quantiles_->threads()));

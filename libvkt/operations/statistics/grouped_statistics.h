@@ -4,6 +4,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/operations/statistics/grouped_quantiles.h"
+#include "libvkt/operations/statistics/kernels/grouped_slab.h"
 #include "libvkt/operations/statistics/statistics.h"
 
 #include <map>
@@ -14,11 +15,6 @@
 #include <vector>
 
 namespace vkt {
-
-/// What statistics are of: all voxels, or rows by label or by the index along an axis.
-enum class GroupedBy : std::uint8_t { volume, label, x, y, z };
-
-struct GroupedSlab;
 
 /// Statistics of groups of voxels of one type, by their key: the label, the index, 0.
 struct GroupedResult {
@@ -61,8 +57,7 @@ public:
     std::int64_t scan_step(Index3 part) const override { return block_rows(part); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
-    /// Selection in groups does not run there.
-    bool runs_on_gpu() const override { return percents.values.empty(); }
+    bool runs_on_gpu() const override { return true; }
     bool scans_again() const override { return quantiles_ && quantiles_->unfinished(); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 

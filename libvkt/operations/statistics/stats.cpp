@@ -165,7 +165,7 @@ public:
         }
     }
 
-    bool runs_on_gpu() const override { return grouped() ? !statistics_.percentiles() : statistics_.runs_on_gpu(); }
+    bool runs_on_gpu() const override { return statistics_.runs_on_gpu(); }
 
 private:
     bool grouped() const { return !mask.empty() || !labels.empty() || axis; }

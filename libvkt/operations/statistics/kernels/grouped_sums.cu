@@ -5,6 +5,7 @@
 #include "libvkt/kernel/cuda_sums.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/statistics/kernels/device_groups.h"
 
 #include <algorithm>
 
@@ -17,46 +18,18 @@ constexpr int block = 256;
 constexpr int summing = 64; ///< threads of a block that sum: there are few, and each takes long
 constexpr std::int64_t sorted_at_once = std::int64_t{1} << 26; ///< voxels, for which there are 8 bytes each
 
-/// Which voxels count, and the groups that they belong to; by their places in the slab.
-struct Groups {
+/// A slab's groups, and the blocks that they are summed by.
+struct BlockGroups : Groups {
     RowBlocks blocks;
-    GroupedBy by;
-    Index3 lower;
-    driver::DeviceRows mask, labels; ///< without data: there are none
-    double zero;
-
-    __device__ bool counts(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return mask.data == nullptr || driver::load_value<double>(mask.type, mask.at(x, y, z)) != zero;
-    }
-    __device__ std::int64_t key(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        switch (by) {
-        case GroupedBy::volume:
-            return 0;
-        case GroupedBy::x:
-            return lower.x + x;
-        case GroupedBy::y:
-            return lower.y + y;
-        case GroupedBy::z:
-            return lower.z + z;
-        case GroupedBy::label:
-            break;
-        }
-        std::int64_t key = 0;
-        with_type(labels.type, [&]<class L>(L) {
-            if constexpr (std::is_integral_v<L>)
-                key = static_cast<std::int64_t>(*reinterpret_cast<L const*>(labels.at(x, y, z)));
-        });
-        return key;
-    }
 };
 
 /// A block of rows, whose voxels are numbered in x-fastest order.
 struct RowBlock {
-    Groups const& groups;
+    BlockGroups const& groups;
     std::int64_t z, y, width;
     unsigned voxels;
 
-    __device__ RowBlock(Groups const& groups, std::int64_t number)
+    __device__ RowBlock(BlockGroups const& groups, std::int64_t number)
         : groups(groups), z(groups.blocks.z(number)), y(groups.blocks.first_row(number)), width(groups.blocks.dims.x),
           voxels(static_cast<unsigned>(groups.blocks.rows_of(number) * width)) {}
     __device__ std::int64_t row(unsigned voxel) const { return driver::quotient_of(voxel, width); }
@@ -102,7 +75,7 @@ struct Share {
 
 /// The voxels of each block that count, sorted by group; those of a group in the order they had.
 __global__ void __launch_bounds__(block)
-    sort_kernel(__grid_constant__ Groups const groups, std::int64_t first, Lists lists, SortedBlock* sorted) {
+    sort_kernel(__grid_constant__ BlockGroups const groups, std::int64_t first, Lists lists, SortedBlock* sorted) {
     constexpr int digits = 16, bits_of_digit = 4;
     __shared__ unsigned counts[digits * block]; // by digit, then by thread
     __shared__ unsigned long long differing;
@@ -171,7 +144,7 @@ struct Factors {
 /// Groups of sorted blocks; `before`: groups before each block and, at last, in all.
 template <class T>
 __global__ void __launch_bounds__(summing)
-    sorted_kernel(__grid_constant__ Groups const groups, View<T const> in, Factors factors, Lists lists,
+    sorted_kernel(__grid_constant__ BlockGroups const groups, View<T const> in, Factors factors, Lists lists,
                   SortedBlock const* sorted, std::int64_t first, unsigned const* before, std::int64_t count,
                   std::int64_t first_sorted, GroupInBlock* out) {
     std::int64_t const group = static_cast<std::int64_t>(blockIdx.x) * summing + threadIdx.x;
@@ -200,7 +173,7 @@ __global__ void __launch_bounds__(summing)
 /// Blocks that are one group each; of none if no voxel counts.
 template <class T>
 __global__ void __launch_bounds__(summing)
-    whole_kernel(__grid_constant__ Groups const groups, View<T const> in, Factors factors, std::int64_t first,
+    whole_kernel(__grid_constant__ BlockGroups const groups, View<T const> in, Factors factors, std::int64_t first,
                  std::int64_t count, GroupInBlock* out) {
     std::int64_t const i = static_cast<std::int64_t>(blockIdx.x) * summing + threadIdx.x;
     if (i >= count) return;
@@ -230,7 +203,8 @@ void tell(GroupInBlock const* on_device, std::int64_t count, Visit const& visit)
 }
 
 template <class T>
-void sum_whole(Groups const& groups, View<T const> in, Factors const& factors, std::int64_t most, Visit const& visit) {
+void sum_whole(BlockGroups const& groups, View<T const> in, Factors const& factors, std::int64_t most,
+               Visit const& visit) {
     std::int64_t const together = std::min(groups.blocks.count, std::max<std::int64_t>(1, most));
     driver::DeviceScratch const memory(static_cast<std::size_t>(together) * sizeof(GroupInBlock));
     auto* const out = reinterpret_cast<GroupInBlock*>(memory.get());
@@ -243,7 +217,8 @@ void sum_whole(Groups const& groups, View<T const> in, Factors const& factors, s
 }
 
 template <class T>
-void sum_sorted(Groups const& groups, View<T const> in, Factors const& factors, std::int64_t most, Visit const& visit) {
+void sum_sorted(BlockGroups const& groups, View<T const> in, Factors const& factors, std::int64_t most,
+                Visit const& visit) {
     std::int64_t const each = groups.blocks.rows * groups.blocks.dims.x;
     if (each >> 32 != 0) throw Error(ErrorKind::resources, "rows are too long for a GPU", "use --device cpu");
     std::int64_t const together = std::clamp<std::int64_t>(sorted_at_once / each, 1, groups.blocks.count);
@@ -278,16 +253,10 @@ void sum_sorted(Groups const& groups, View<T const> in, Factors const& factors, 
     }
 }
 
-driver::DeviceRows beside(std::optional<ConstView> const& view, Box const& box) {
-    return view ? driver::device_rows(*view, box) : driver::DeviceRows{};
-}
-
 } // namespace
 
 void grouped_sums(GroupedSlab const& slab, std::int64_t rows, std::int64_t most, Visit const& visit, Execution const&) {
-    Box const box = slab.voxels.box;
-    Groups const groups{{box.dims(), rows},       slab.by,  box.lower, beside(slab.mask, box),
-                        beside(slab.labels, box), slab.zero};
+    BlockGroups const groups{Groups(slab), RowBlocks(slab.voxels.dims(), rows)};
     Factors const factors{slab.map, !(slab.map == ValueMap{})};
     bool const one_each = slab.by == GroupedBy::volume || slab.by == GroupedBy::z;
     with_type(slab.voxels.type, [&]<class T>(T) {

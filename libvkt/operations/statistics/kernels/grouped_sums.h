@@ -3,23 +3,13 @@
 #pragma once
 
 #include "libvkt/kernel/numeric.h"
-#include "libvkt/operations/statistics/grouped_statistics.h"
+#include "libvkt/operations/statistics/kernels/grouped_slab.h"
 #include "libvkt/operations/statistics/kernels/running_sums.h"
 
 #include <functional>
-#include <optional>
 #include <vector>
 
 namespace vkt {
-
-/// Voxels, and what lies beside them.
-struct GroupedSlab {
-    ConstView voxels;
-    std::optional<ConstView> mask, labels; ///< of the same box
-    double zero = 0;                       ///< what the mask stores for 0; NaN, which nothing equals, if it cannot
-    GroupedBy by = GroupedBy::volume;
-    ValueMap map;
-};
 
 /// Sums the groups of each block of so many rows and calls visit(groups of some blocks) until all are told, block by
 /// block; of one that has more than `most`, all at once. Groups sum their voxels in x-fastest order, as CPUs do.
