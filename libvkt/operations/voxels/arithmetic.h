@@ -89,8 +89,7 @@ public:
     void begin(std::span<Header const> inputs, Plan const& plan) override;
     void enter_level(Index3 cell_width, Index3 first) override { inside_.enter_level(cell_width, first); }
     bool uses_position() const override { return !roi.empty(); }
-    /// Where results are computed once more exactly only CPUs do that.
-    bool runs_on_gpu() const override { return !choice_.settles; }
+    bool runs_on_gpu() const override { return true; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;

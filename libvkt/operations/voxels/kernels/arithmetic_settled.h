@@ -19,9 +19,9 @@ struct ExactOperand {
     double inexact_from = std::numeric_limits<double>::quiet_NaN();
 };
 
-VKT_CPU_KERNEL(arithmetic_settled,
-               (ArithmeticOp op, bool in_float, ExactOperand const& a, ExactOperand const& b, AnyView out,
-                Losses& losses, Execution const& execution),
-               (op, in_float, a, b, out, losses, execution))
+VKT_KERNEL(arithmetic_settled,
+           (ArithmeticOp op, bool in_float, ExactOperand const& a, ExactOperand const& b, AnyView out, Losses& losses,
+            Execution const& execution),
+           (op, in_float, a, b, out, losses, execution))
 
 } // namespace vkt
