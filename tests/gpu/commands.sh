@@ -399,13 +399,13 @@ refused() {
 "$vkt" convert tree.vkt --dtype int16 --range minmax --to 3:30000 -q -o whole.vkt
 refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
-refused refine a_float32.vkt
+refused refine a_float32.vkt --tolerance 1
 refused make amr
 refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
 
 # Trees that stay trees: cells as they come, and near others; in groups of bricks that a budget makes small, too.
-"$vkt" make amr --field disk --blocks 900 --levels 4 --dtype uint16 -o many.vkt
+"$vkt" make amr --blocks 2000 --levels 5 | "$vkt" convert --range minmax --dtype uint16 -q -o many.vkt
 for tree in tree.vkt wide.vkt whole.vkt many.vkt; do
     for command in 'convert --dtype uint8' 'convert --dtype int16 --range minmax' 'convert --dtype auto' \
         'convert --dtype uint8 --range p5:p95' 'arith mul - 3' 'arith gt - 0.5' "arith absdiff - $work/$tree" \

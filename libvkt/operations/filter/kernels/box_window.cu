@@ -64,10 +64,12 @@ template <class F> void with_run(std::int64_t width, F const& f) {
 /// The first pass, along x, from voxels of any type, and how it is divided into blocks.
 template <class Op, class S> struct Rows {
     driver::DeviceRows in;
-    S* out = nullptr;                               ///< dense
-    std::int64_t columns = 0, height = 1, rows = 0; ///< of the result, rows along y and all of them
-    std::int64_t pieces = 1;                        ///< of a row
-    int piece_log = 0, block_rows = 1;              ///< columns of a piece, to base 2; rows of a block
+    S* out = nullptr;         ///< dense
+    std::int64_t columns = 0; ///< of the result
+    // Of few bits: dividing by numbers of 64 took as long as all else.
+    unsigned height = 1, rows = 0;     ///< rows along y and all of them
+    unsigned pieces = 1;               ///< of a row
+    int piece_log = 0, block_rows = 1; ///< columns of a piece, to base 2; rows of a block
     int width = 1;
     S scale = 1; ///< of what is summed up
 };
@@ -82,12 +84,13 @@ __global__ void __launch_bounds__(driver::block_threads) rows_kernel(__grid_cons
     auto const place = [](int i) { return K > 1 ? i + i / K : i; };
     int const thread = static_cast<int>(threadIdx.x), piece = 1 << m.piece_log, length = piece + m.width - 1,
               pitch = place(length - 1) + 1;
-    std::int64_t const first_row = blockIdx.x / m.pieces * m.block_rows, column = blockIdx.x % m.pieces << m.piece_log;
+    unsigned const first_row = blockIdx.x / m.pieces * static_cast<unsigned>(m.block_rows);
+    std::int64_t const column = static_cast<std::int64_t>(blockIdx.x % m.pieces) << m.piece_log;
     with_type(m.in.type, [&]<class T>(T) {
         if constexpr (std::is_same_v<Op, Sum> || sizeof(T) == sizeof(S)) {
-            for (int r = 0; r < m.block_rows && first_row + r < m.rows; ++r) {
-                auto const* const from =
-                    reinterpret_cast<T const*>(m.in.at(column, (first_row + r) % m.height, (first_row + r) / m.height));
+            for (int r = 0; r < m.block_rows && first_row + static_cast<unsigned>(r) < m.rows; ++r) {
+                unsigned const at = first_row + static_cast<unsigned>(r);
+                auto const* const from = reinterpret_cast<T const*>(m.in.at(column, at % m.height, at / m.height));
                 auto const n = static_cast<int>(min(std::int64_t{length}, m.columns + m.width - 1 - column));
                 for (int i = thread; i < n; i += threads) {
                     S value = value_of<Op, S>(from + i);
@@ -112,8 +115,8 @@ __global__ void __launch_bounds__(driver::block_threads) rows_kernel(__grid_cons
     __syncthreads();
     for (int i = thread; i < m.block_rows << m.piece_log; i += threads) {
         int const r = i >> m.piece_log, x = i & (piece - 1);
-        if (first_row + r < m.rows && column + x < m.columns)
-            m.out[(first_row + r) * m.columns + column + x] = values[r * pitch + place(x)];
+        unsigned const at = first_row + static_cast<unsigned>(r);
+        if (at < m.rows && column + x < m.columns) m.out[at * m.columns + column + x] = values[r * pitch + place(x)];
     }
 }
 
@@ -129,8 +132,9 @@ template <class Op, class S> void windows_of_rows(Rows<Op, S> m) {
         std::size_t const row_bytes = static_cast<std::size_t>(pitch) * sizeof(S);
         m.piece_log = std::countr_zero(static_cast<unsigned>(piece));
         m.block_rows = std::max(1, std::min(most / piece, static_cast<int>(room / row_bytes)));
-        m.pieces = (m.columns + piece - 1) / piece;
-        std::int64_t const blocks = m.pieces * ((m.rows + m.block_rows - 1) / m.block_rows);
+        std::int64_t const pieces = (m.columns + piece - 1) / piece,
+                           blocks = pieces * ((m.rows + m.block_rows - 1) / m.block_rows);
+        m.pieces = static_cast<unsigned>(pieces);
         std::size_t const bytes = static_cast<std::size_t>(m.block_rows) * row_bytes;
         (void)cudaFuncSetAttribute(rows_kernel<K, Op, S>, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(bytes));
@@ -157,7 +161,8 @@ template <int K, class Op, class S> struct AlongRows {
     }
 };
 
-/// The last one, along z: stores voxels.
+/// The last one, along z: stores voxels. Rows and slices have changed places, so that the runs of a column are one
+/// block's, which shares what they have in common.
 template <int K, class Op, class S> struct AlongSlices {
     S const* in;
     std::int64_t row, slice;
@@ -167,24 +172,41 @@ template <int K, class Op, class S> struct AlongSlices {
     double voxels; ///< of a box
     S scale;       ///< not 1: only means of float64 that are not finite are stored
 
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t run,
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t run, std::int64_t y,
                                                driver::LossCounts& counts) const {
         std::int64_t const first = run * K;
         S const* const from = in + x + y * row + first * slice;
+        auto const n = static_cast<int>(min(std::int64_t{K}, count - first));
+        S made[K];
         windows_of_run<K, Op, S>(
-            width, static_cast<int>(min(std::int64_t{K}, count - first)), [&](int i) { return from[i * slice]; },
-            [&](int j, S window) { store(out.at(x, y, first + j), window, counts); });
+            width, n, [&](int i) { return from[i * slice]; }, [&](int j, S window) { made[j] = window; });
+        std::byte* const to = out.at(x, y, first);
+        if constexpr (std::is_same_v<Op, Sum>)
+            if (scale != S(1)) return mend(to, made, n);
+        with_type(out.type, [&]<class T>(T) {
+            if constexpr (std::is_same_v<Op, Sum> || sizeof(T) == sizeof(S)) {
+#pragma unroll
+                for (int j = 0; j < K; ++j)
+                    if (j < n) *reinterpret_cast<T*>(to + j * out.slice) = voxel_of<T>(made[j], counts);
+            }
+        });
     }
-    __device__ __forceinline__ void store(std::byte* to, S value, driver::LossCounts& counts) const {
-        if constexpr (!std::is_same_v<Op, Sum>) {
-            driver::store_result(out.type, to, value, counts);
-        } else if (scale == S(1)) {
-            double const mean = static_cast<double>(value) / voxels;
-            if (out.type == DataType::float64 && !is_finite(mean)) ++counts.undefined;
-            driver::store_value(out.type, to, mean, counts);
-        } else if (double& mean = *reinterpret_cast<double*>(to); !is_finite(mean)) {
-            mean = mean_of_scaled(static_cast<double>(value), voxels, static_cast<double>(scale));
+    template <class T> __device__ __forceinline__ T voxel_of(S window, driver::LossCounts& counts) const {
+        if constexpr (std::is_same_v<Op, Sum>) {
+            double const mean = static_cast<double>(window) / voxels;
+            if (std::is_same_v<T, double> && !is_finite(mean)) ++counts.undefined;
+            counts.clipped += is_clipped<T>(mean) ? 1 : 0;
+            counts.nan += is_lost_nan<T>(mean) ? 1 : 0;
+            return round_to<T>(mean);
+        } else {
+            S const bits = from_key<T>(window);
+            return *reinterpret_cast<T const*>(&bits);
         }
+    }
+    __device__ void mend(std::byte* to, S const (&made)[K], int n) const {
+        for (int j = 0; j < n; ++j)
+            if (double& mean = *reinterpret_cast<double*>(to + j * out.slice); !is_finite(mean))
+                mean = mean_of_scaled(static_cast<double>(made[j]), voxels, static_cast<double>(scale));
     }
 };
 
@@ -200,8 +222,8 @@ template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radi
     windows_of_rows<Op, S>({.in = driver::device_rows(in, seen),
                             .out = along_x,
                             .columns = n.x,
-                            .height = first.y,
-                            .rows = first.y * first.z,
+                            .height = static_cast<unsigned>(first.y),
+                            .rows = static_cast<unsigned>(first.y * first.z),
                             .width = static_cast<int>(w.x),
                             .scale = scale});
     with_run(w.y, [&]<int K>(std::integral_constant<int, K>) {
