@@ -217,7 +217,7 @@ done
 # Statistics of groups: of few voxels each and of many, of labels that need all bits, of masks, of rows that come in
 # pieces; exactly what is kept.
 "$vkt" make noise --dims 61 23 17 --dtype uint8 --seed 7 | "$vkt" threshold --above 50 -o mask.vkt
-"$vkt" make noise --dims 61 23 17 --dtype uint16 --high 60000 --seed 8 -o many.vkt
+"$vkt" make noise --dims 61 23 17 --dtype uint16 --high 60000 --seed 8 -o levels.vkt
 "$vkt" transform 'x<9 ? -1 : x<30 ? 1099511627776*floor(y/5) : z' a_uint8.vkt --dtype int64 -q -o spread.vkt
 "$vkt" make noise --dims 131 370 5 --dtype uint8 --seed 4 -o tall_labels.vkt
 "$vkt" threshold --above 20 tall_labels.vkt -o mask_tall.vkt
@@ -227,7 +227,7 @@ for type in $types; do
     [ "$type" != float64 ] || volumes="$volumes scaled_1e200.vkt scaled_1e-200.vkt scaled_1e-310.vkt"
     for volume in $volumes; do
         for options in '--per x' '--per y' '--per z' '--mask mask.vkt' '--mask mask.vkt --per y' '--labels mask.vkt' \
-            '--labels many.vkt --mask mask.vkt' '--labels spread.vkt' '--labels spread.vkt --roi 5:,1:,2: --slab 1' \
+            '--labels levels.vkt --mask mask.vkt' '--labels spread.vkt' '--labels spread.vkt --roi 5:,1:,2: --slab 1' \
             '--per z --mask mask.vkt --roi 3:50,:,2:'; do
             same text "$vkt stats $volume $options --device \$DEVICE --mergeable"
             same text "$vkt stats $volume $options --percentiles 3,50 --device \$DEVICE --json"
@@ -405,8 +405,8 @@ refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
 
 # Trees that stay trees: cells as they come, and near others; in groups of bricks that a budget makes small, too.
-"$vkt" make amr --blocks 2000 --levels 5 | "$vkt" convert --range minmax --dtype uint16 -q -o many.vkt
-for tree in tree.vkt wide.vkt whole.vkt many.vkt; do
+"$vkt" make amr --blocks 2000 --levels 5 | "$vkt" convert --range minmax --dtype uint16 -q -o levels.vkt
+for tree in tree.vkt wide.vkt whole.vkt levels.vkt; do
     for command in 'convert --dtype uint8' 'convert --dtype int16 --range minmax' 'convert --dtype auto' \
         'convert --dtype uint8 --range p5:p95' 'arith mul - 3' 'arith gt - 0.5' "arith absdiff - $work/$tree" \
         'transform v*x+y-z' 'transform v*2+1' 'fill --value 7 --roi 3:40,5:,:20' 'threshold --otsu' 'threshold --above 0.5' \

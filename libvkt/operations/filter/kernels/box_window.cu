@@ -235,7 +235,7 @@ template <class Op, class S> void windows(ConstView in, AnyView out, Index3 radi
     driver::DeviceLosses const counts;
     with_run(w.z, [&]<int K>(std::integral_constant<int, K>) {
         driver::for_each_voxel(
-            {n.x, n.y, (n.z + K - 1) / K},
+            {n.x, (n.z + K - 1) / K, n.y},
             AlongSlices<K, Op, S>{along_y, n.x, n.x * n.y, driver::device_rows(ConstView(out), out.box), n.z,
                                   static_cast<int>(w.z), static_cast<double>(w.x * w.y * w.z), scale},
             counts.get(), "box windows along z");
