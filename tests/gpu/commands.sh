@@ -162,6 +162,10 @@ for type in $types; do
     for field in 'noise --seed 5' 'checkerboard --period 3' 'ramp --axis y' 'marschner-lobb' 'sphere'; do
         same 0 "$vkt make $field --dims 61 23 17 --dtype $type"
     done
+    case $type in float16) tolerance=1e-3 ;; float32) tolerance=1e-7 ;; float64) tolerance=1e-12 ;; *64) tolerance=1e5 ;; *) tolerance=1 ;; esac
+    for options in '' '--radius 0.4' '--radius 9.3 --center 20.2,11.7,8.1 --slab 2'; do
+        same "$tolerance" "$vkt make sphere --edge coverage --dims 61 23 17 --dtype $type $options --device \$DEVICE"
+    done
     "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 5 -o "a_$type.vkt"
     "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 6 -o "b_$type.vkt"
     for other in $types; do
@@ -321,6 +325,30 @@ for type in $types; do
         done
     done
 done
+
+# Surfaces: the same bytes of vertices and triangles, however the volume is cut and wherever it lies.
+meshes=0
+mesh_of() {
+    meshes=$((meshes + 1))
+    same text "$vkt mesh $* --device \$DEVICE --force -q --json -o mesh_$meshes.\$DEVICE.ply && cat mesh_$meshes.\$DEVICE.ply"
+}
+"$vkt" make sphere --dims 70 66 50 --edge distance | "$vkt" set --spacing 0.3,0.7,2 --direction 0,1,0,1,0,0,0,0,1 --origin 5,-3,1e3 -o turned.nrrd
+"$vkt" threshold a_uint8.vkt --above 250 | "$vkt" label --connectivity 26 -q -o parts.vkt
+for type in $types; do
+    for options in '' --open '--slab 1' '--slab 3 --open' '--roi 3:60,2:,5:'; do
+        mesh_of "far_$type.vkt --iso 70.5 $options"
+    done
+done
+for iso in -2 0 3.3 1e9; do
+    mesh_of "turned.nrrd --iso $iso"
+    mesh_of "turned.nrrd --iso $iso --slab 1 --open"
+    mesh_of "large.nrrd --iso 0.9 --memory 400M --roi :200,:,:"
+    mesh_of "odd_float32.vkt --iso $iso"
+    mesh_of "mapped_int16.vkt --iso $iso"
+done
+mesh_of 'parts.vkt --label 1 2 3'
+same text "$vkt mesh parts.vkt --labels --roi 2:,:20,1: --open --slab 1 --device \$DEVICE --json -q"
+same text "$vkt pipe 'read turned.nrrd | flip x | mesh --iso 0 --json' --device \$DEVICE"
 
 # How alike: windows and counts as CPUs have them, also of axes that are mirrored, of one voxel, and longer than what
 # is worked on at once.
