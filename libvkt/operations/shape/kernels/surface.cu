@@ -22,7 +22,7 @@ constexpr unsigned bit_threads = 256, row_threads = 64;
 /// A copy of what lies on the host in device memory, for the time of one call.
 template <class T> class OnDevice {
 public:
-    OnDevice(T const* from, std::int64_t count) : memory_(bytes(count)) {
+    OnDevice(T const* from, std::int64_t count) : memory_(count > 0 ? bytes(count) : sizeof(T)) {
         if (from != nullptr && count > 0) copy_to_device(memory_.get(), from, bytes(count));
     }
     T* get() const { return reinterpret_cast<T*>(memory_.get()); }
@@ -192,8 +192,11 @@ void surface_emit(SurfaceSlab const& slab, Inside const& inside, Execution const
         emit_rows<T><<<blocks_of_threads(count - ny, row_threads), row_threads>>>(Places<T>(there, inside));
         check_launch("surface");
     });
-    copy_to_host(slab.vertices + 3 * slab.first_vertex, vertices.get(), OnDevice<double>::bytes(3 * slab.vertex_count));
-    copy_to_host(slab.triangles, triangles.get(), OnDevice<std::uint32_t>::bytes(3 * slab.triangle_count));
+    if (slab.vertex_count > 0)
+        copy_to_host(slab.vertices + 3 * slab.first_vertex, vertices.get(),
+                     OnDevice<double>::bytes(3 * slab.vertex_count));
+    if (slab.triangle_count > 0)
+        copy_to_host(slab.triangles, triangles.get(), OnDevice<std::uint32_t>::bytes(3 * slab.triangle_count));
 }
 
 } // namespace VKT_BACKEND
