@@ -6,6 +6,7 @@
 #include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/common/kernels/convert.h"
 #include "libvkt/operations/filter/local_filter.h"
 
 #include <cmath>
@@ -391,11 +392,31 @@ void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
     if (inside.empty()) return;
     Losses losses;
-    if (choice_.cascade)
-        gaussian_cascade_run(cascade(), nodes_, inputs[0], out.part(inside), losses, execution);
+    if (choice_.passes.clips && execution.device == Device::gpu)
+        convolve_unclipped(inputs[0], out.part(inside), losses, execution);
     else
-        gaussian_run(choice_.passes, planes_, inputs[0], out.part(inside), losses, execution);
+        convolve(inputs[0], out.part(inside), losses, execution);
     counts_.clipped += losses.clipped;
+}
+
+void Gaussian::convolve(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
+    if (choice_.cascade)
+        gaussian_cascade_run(cascade(), nodes_, in, out, losses, execution);
+    else
+        gaussian_run(choice_.passes, planes_, in, out, losses, execution);
+}
+
+void Gaussian::convolve_unclipped(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
+    DataType const type = choice_.passes.wide ? DataType::float64 : DataType::float32;
+    auto const room = [&](Buffer& buffer, Box const& box) {
+        buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(type));
+        return dense_view(buffer.write(out.space), type, box, out.space);
+    };
+    AnyView const from = room(unclipped_[0], in.box), to = room(unclipped_[1], out.box);
+    Losses none;
+    convert_values(in, from, none, execution);
+    convolve(from, to, none, execution);
+    convert_values(to, out, losses, execution);
 }
 
 std::vector<Remark> Gaussian::remarks() const { return store_remarks(counts_, planned_.voxels(), planned_.dtype); }

@@ -3,11 +3,14 @@
 #pragma once
 
 #include "libvkt/core/boundary_rule.h"
+#include "libvkt/core/buffer.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/common/share_of_range.h"
 #include "libvkt/operations/filter/kernels/gaussian_cascade.h"
+
+#include <array>
 
 namespace vkt {
 
@@ -76,7 +79,7 @@ public:
     /// What threads hold of the tiles they work on; or the rings of the cascade.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return !choice_.passes.clips; }
+    bool runs_on_gpu() const override { return true; }
     std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
@@ -100,6 +103,9 @@ private:
     void choose_cascade(Header const& in, Choice& choice) const;
     Plan plan_by(Choice const& choice, Header const& in) const;
     void begin_by(Choice choice, Plan const& plan);
+    void convolve(ConstView in, AnyView out, Losses& losses, Execution const& execution);
+    /// In the type of the computation, and rounded and counted afterwards: kernels of GPUs count nothing.
+    void convolve_unclipped(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     Box region_in(Index3 dims) const { return region_.empty() ? box_of(dims) : region_.resolve(dims); }
     CascadePasses cascade() const { return {&choice_.passes, &*choice_.cascade}; }
 
@@ -115,7 +121,8 @@ private:
     std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
     GaussianPlanes planes_;
     CascadePlanes nodes_;
-    Box box_; ///< the region
+    std::array<Buffer, 2> unclipped_; ///< what goes into the passes and what comes out of them
+    Box box_;                         ///< the region
     Losses counts_;
     Header planned_; ///< output
 };

@@ -6,9 +6,10 @@
 #include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/kernel/host_copy.h"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 namespace vkt {
@@ -123,14 +124,16 @@ void MakeMesh::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
     ConstView const part = slab.part(box);
-    if (finding_) return find_labels(part);
+    if (finding_) {
+        HostCopy copy;
+        return find_labels(copy.of(part));
+    }
     if (box.dims().y == region_.dims().y) return take(part, execution);
-    // Rows of one slice: it is worked on when it is whole.
+    // Rows of one slice, kept on the host: it is worked on when it is whole.
     std::size_t const row = static_cast<std::size_t>(box.dims().x) * size_of(slab.type);
     slice_.resize(row * static_cast<std::size_t>(region_.dims().y));
-    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-        std::memcpy(slice_.data() + static_cast<std::size_t>(y - region_.lower.y) * row,
-                    part.at(box.lower.x, y, box.lower.z), row);
+    std::byte* const first = slice_.data() + static_cast<std::size_t>(box.lower.y - region_.lower.y) * row;
+    copy_region(part, dense_view(first, slab.type, box), Execution{});
     if (box.upper.y < region_.upper.y) return;
     Box const whole{{region_.lower.x, region_.lower.y, box.lower.z}, {region_.upper.x, region_.upper.y, box.upper.z}};
     take(dense_view(static_cast<std::byte const*>(slice_.data()), slab.type, whole), execution);

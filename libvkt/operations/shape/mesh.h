@@ -36,6 +36,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
+    bool runs_on_gpu() const override { return true; }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     /// Of each surface: vertices, triangles, area and volume in world units, Euler characteristic (vertices - edges +
     /// triangles: 2 for each sphere, 2 less for each handle).

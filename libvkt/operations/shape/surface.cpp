@@ -6,6 +6,7 @@
 #include "libvkt/core/half.h"
 #include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
+#include "libvkt/kernel/border.h"
 #include "libvkt/kernel/closed_range.h"
 
 #include <algorithm>
@@ -145,11 +146,10 @@ SurfaceBuilder::SurfaceBuilder(Header const& header, Box const& region, Inside i
 void SurfaceBuilder::add(ConstView slab, Execution const& execution) {
     work(slab, slab.dims().z, done_ == 0, execution);
     // What the next slab needs of this one's last slice.
-    auto const row = static_cast<std::size_t>(slab.dims().x) * size_of(slab.type);
-    last_.resize(row * static_cast<std::size_t>(slab.dims().y));
-    for (std::int64_t y = 0; y < slab.dims().y; ++y)
-        std::memcpy(last_.data() + static_cast<std::size_t>(y) * row,
-                    slab.at(slab.box.lower.x, slab.box.lower.y + y, slab.box.upper.z - 1), row);
+    Box slice = slab.box;
+    slice.lower.z = slice.upper.z - 1;
+    last_.resize(static_cast<std::size_t>(slice.voxels()) * size_of(slab.type));
+    copy_region(slab.part(slice), dense_view(last_.data(), slab.type, slice), Execution{});
 }
 
 Mesh SurfaceBuilder::finish(Execution const& execution) {
@@ -224,6 +224,9 @@ void SurfaceBuilder::work(ConstView voxels, std::int64_t slices, bool first, Exe
         make_room(mesh_.triangles, old + 3 * triangles);
         slab.vertices = mesh_.vertices.data();
         slab.triangles = mesh_.triangles.data() + old;
+        slab.first_vertex = static_cast<std::int64_t>(held);
+        slab.vertex_count = static_cast<std::int64_t>(vertices - held);
+        slab.triangle_count = static_cast<std::int64_t>(triangles);
         surface_emit(slab, inside_, execution);
     }
     std::copy(bits_.end() - static_cast<std::ptrdiff_t>(slice_words), bits_.end(), bits_.begin());

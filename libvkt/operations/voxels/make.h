@@ -85,7 +85,6 @@ public:
     std::optional<Vec3> center;   ///< the middle of the volume
     std::optional<double> inside, outside;
     SphereEdge edge = SphereEdge::hard;
-    bool runs_on_gpu() const override { return edge != SphereEdge::coverage; }
     Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;

@@ -46,8 +46,10 @@ struct SurfaceSlab {
     Geometry geometry;                  ///< of the volume that boxes of voxels refer to
     std::int64_t origin_z = 0;          ///< of slice 0, as an index of that volume
     Index3 origin;                      ///< of lattice point (0, 0), as an index of that volume; z is not used
-    double* vertices = nullptr;         ///< x, y, z in the world
-    std::uint32_t* triangles = nullptr; ///< three vertices each
+    double* vertices = nullptr;         ///< x, y, z in the world, those of earlier slabs first
+    std::uint32_t* triangles = nullptr; ///< three vertices each, of this slab
+    std::int64_t first_vertex = 0;      ///< of this slab
+    std::int64_t vertex_count = 0, triangle_count = 0; ///< of this slab
     SurfaceCases const* cases = nullptr;
     bool mirrored = false; ///< directions are a left-handed system: triangles turn around
 };
@@ -56,12 +58,12 @@ struct SurfaceSlab {
 inline constexpr double surface_margin = 1.0 / 1024;
 
 /// Bits of the slices of slab.voxels.
-VKT_CPU_KERNEL(surface_bits, (SurfaceSlab const& slab, Inside const& inside, Execution const& execution),
-               (slab, inside, execution))
+VKT_KERNEL(surface_bits, (SurfaceSlab const& slab, Inside const& inside, Execution const& execution),
+           (slab, inside, execution))
 /// Numbers of the rows of slices 1, 2, …
-VKT_CPU_KERNEL(surface_count, (SurfaceSlab const& slab, Execution const& execution), (slab, execution))
+VKT_KERNEL(surface_count, (SurfaceSlab const& slab, Execution const& execution), (slab, execution))
 /// Vertices and triangles of the rows of slices 1, 2, …, where their SurfaceRows say.
-VKT_CPU_KERNEL(surface_emit, (SurfaceSlab const& slab, Inside const& inside, Execution const& execution),
-               (slab, inside, execution))
+VKT_KERNEL(surface_emit, (SurfaceSlab const& slab, Inside const& inside, Execution const& execution),
+           (slab, inside, execution))
 
 } // namespace vkt

@@ -1,4 +1,4 @@
-// Balls with exactly covered voxels, which only CPUs make.
+// Balls with exactly covered voxels. Sines of GPUs have other last bits than those of CPUs.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace vkt {
 
-VKT_CPU_KERNEL(make_covered_ball, (AnyView out, BallField const& field, Losses& losses, Execution const& execution),
-               (out, field, losses, execution))
+VKT_KERNEL(make_covered_ball, (AnyView out, BallField const& field, Losses& losses, Execution const& execution),
+           (out, field, losses, execution))
 
 } // namespace vkt
