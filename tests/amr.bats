@@ -547,7 +547,13 @@ END
     [ "$(cat said_t.vkt)" = "finest grid" ]
     [ "$(cat said_t.vkt_--tree_bricks)" = "finest cell" ]
     run ! cmp of_t.vkt of_t.vkt_--tree_bricks
-    # Deep ones would be larger.
+    # One that would be a few times larger as a grid is drawn sooner so, where there is room.
+    vkt make amr --blocks 500 --levels 5 -o wide.vkt
+    vkt render wide.vkt --size 20 -v -o wide.png 2>said
+    grep -q 'finest grid' said
+    vkt render wide.vkt --size 20 -v --memory 12M -o narrow.png 2>said
+    grep -q 'finest cell' said
+    # Deep ones would be larger still.
     vkt make amr --blocks 500 --levels 6 | vkt render --size 20 -v -o b.png 2>said
     grep -q 'finest cell' said
     fails_with 2 "did you mean 'bricks'" vkt render t.vkt --tree brick -o c.png

@@ -78,6 +78,10 @@ template <class C> struct BrickPass {
     AxisTaps<C, tile::extent_y> y;
     AxisTaps<C, tile::extent_z> z;
 
+    /// Arrays stay as they are: setting them to zero takes as long as a small brick.
+    BrickPass(tile::Job const& of, tile::Source const& from, tile::Scratch<C>& to)
+        : job(of), brick(from), scratch(to) {}
+
     /// The cell rows that the samples' x taps need, side by side, then a zero.
     void load(std::int64_t cell_y, std::int64_t cell_z) {
         std::int64_t const start = (cell_z * brick.dims[1] + cell_y) * brick.dims[0];
@@ -151,7 +155,7 @@ template <class C> void run(tile::Job const& job, tile::Scratch<C>& scratch) {
     for (int i = 0; i < tile::extent_x * tile::extent_y; ++i) scratch.planes[2][i] = C(0);
     for (std::int64_t i = 0; i < job.id_count; ++i) {
         tile::Source const& brick = job.sources[job.ids[i]];
-        BrickPass<C> pass{job, brick, scratch, {}, {}, {}};
+        BrickPass<C> pass(job, brick, scratch);
         if (pass.z.build(job, brick, 2) && pass.y.build(job, brick, 1) && pass.x.build(job, brick, 0)) pass.add();
     }
 }
