@@ -112,7 +112,7 @@ bool drawn_as_grid(Header const& header, TreeDrawing tree, std::size_t memory) {
     double finest = 1;
     for (int axis = 0; axis < 3; ++axis) finest *= static_cast<double>(header.dims[axis]);
     // Of more, most rays would take many steps through what is one cell.
-    constexpr double most = 16;
+    constexpr double most = 12;
     return finest <= most * static_cast<double>(header.cell_count) &&
            bytes_to_draw(header, TreeDrawing::grid) <= memory;
 }
