@@ -532,6 +532,30 @@ END
     vkt render t.vkt --size 40 -o chosen.png
 }
 
+@test "ranges and thresholds of a cropped tree are those of what is left, not of bricks" {
+    vkt make noise --dims 40 30 20 --seed 4 --dtype float32 -o grid.vkt
+    vkt refine grid.vkt --tolerance 0 --levels 1 -o t.vkt
+    for volume in grid t; do
+        vkt crop $volume.vkt --roi 5:35,6:25,3:17 -o part.vkt --force
+        vkt threshold part.vkt --otsu --report otsu_$volume -o mask.vkt --force
+        vkt threshold $volume.vkt --roi 5:35,6:25,3:17 --otsu --report roi_$volume -o mask.vkt --force
+        for range in minmax p1:p99; do
+            vkt convert part.vkt --dtype uint8 --range $range -q | vkt info --json | grep -E '"(slope|intercept)"' >>map_$volume
+        done
+    done
+    cat otsu_*
+    cmp otsu_grid otsu_t
+    cmp otsu_grid roi_t
+    [ -s map_grid ]
+    cmp map_grid map_t
+    # Cells of several levels, with centres in the region, are what stats counts.
+    tree
+    vkt crop t.vkt --roi 9:40,7:33,5:50 -o part.vkt --force
+    ends() { vkt stats "$1" --json | grep -Eo '"(min|max)": [^,]*'; }
+    vkt convert part.vkt --dtype float64 --range minmax --to 5:7 -q | vkt set - --slope 1 --intercept 0 -o scaled.vkt
+    [ "$(ends scaled.vkt | tr '\n' ' ')" = '"min": 5 "max": 7 ' ]
+}
+
 @test "a tree is drawn as a grid where that is smaller, and as asked" {
     tree
     look="--size 64 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis"
@@ -547,7 +571,13 @@ END
     [ "$(cat said_t.vkt)" = "finest grid" ]
     [ "$(cat said_t.vkt_--tree_bricks)" = "finest cell" ]
     run ! cmp of_t.vkt of_t.vkt_--tree_bricks
-    # Deep ones would be larger.
+    # One that would be a few times larger as a grid is drawn sooner so, where there is room.
+    vkt make amr --blocks 500 --levels 5 -o wide.vkt
+    vkt render wide.vkt --size 20 -v -o wide.png 2>said
+    grep -q 'finest grid' said
+    vkt render wide.vkt --size 20 -v --memory 12M -o narrow.png 2>said
+    grep -q 'finest cell' said
+    # Deep ones would be larger still.
     vkt make amr --blocks 500 --levels 6 | vkt render --size 20 -v -o b.png 2>said
     grep -q 'finest cell' said
     fails_with 2 "did you mean 'bricks'" vkt render t.vkt --tree brick -o c.png

@@ -79,6 +79,18 @@ r.random((6, 7, 8), np.float32).tofile('f_8x7x6_float32.raw')"
     vkt transform 'v / 3' b_8x7x6_uint8.raw | vkt info | grep -q '^error *unknown: how transform passes errors on'
 }
 
+@test "cells that are chosen keep their error, of floats as well" {
+    vkt make noise --dims 16 16 16 --dtype float32 --low -3 --high 5 -o v.nrrd
+    vkt refine v.nrrd --tolerance 0.25 --method nearest -q -o t.vkt
+    vkt resample t.vkt --scale 1 --method nearest -o back.nrrd
+    for volume in t.vkt back.nrrd; do vkt info $volume --json | grep -q '"kind":"bound","at_most":0.2500000000'; done
+    vkt diff v.nrrd back.nrrd --tolerance 0.25
+    vkt resample t.vkt --scale 1 | vkt info --json | grep -q '"kind":"unknown"' # sums of values that nobody knows
+    # A background that the type has to round is none of them.
+    vkt refine v.nrrd --tolerance 0.25 --method nearest -q | vkt resample --scale 1 --method nearest --background 0.1 | vkt info --json |
+        grep -q '"kind":"unknown"'
+}
+
 @test "an estimate stays one" {
     vkt filter bilateral b_8x7x6_uint8.raw --sigma 1 --range-sigma 20 -o e.vkt
     error_of e.vkt | grep -q '"kind": "estimate"'

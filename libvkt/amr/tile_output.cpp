@@ -104,6 +104,20 @@ int mark_averaged(tile::Job const& job, bool holes, TileMemory& work) {
     return marked;
 }
 
+/// store_cell() of small integers without a call: float has no fractions from 2^23 on, so that a sum there is rounded
+/// half to even.
+template <class T, class C> T rounded_cell(C value) {
+    if constexpr (std::is_same_v<C, float> && std::is_integral_v<T> && sizeof(T) <= 2) {
+        constexpr float low = std::numeric_limits<T>::lowest(), high = std::numeric_limits<T>::max();
+        constexpr float whole = 0x1.8p23F;
+        float const inside = value > low ? (value < high ? value : high) : low;
+        T const rounded = static_cast<T>((inside + whole) - whole);
+        return value == value ? rounded : T{0};
+    } else {
+        return store_cell<T>(value);
+    }
+}
+
 /// By how much shares of a voxel that add up to one may miss it.
 constexpr double weight_rounding = 1e-9;
 
@@ -163,7 +177,7 @@ struct TileOutput {
             value = value < low ? low : value > high ? high : value; // NaN stays
             if constexpr (weights_are_shares)
                 if (weight > 0 && weight < 1 - weight_rounding) value = with_background(value, weight, i, to.j, to.k);
-            return store_cell<T>(value);
+            return rounded_cell<T>(value);
         });
     }
 

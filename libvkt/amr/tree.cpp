@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -129,6 +130,30 @@ std::vector<CurveInterval> curve_intervals(Index3 logical_dims, BrickTable const
     return intervals;
 }
 
+/// The same for cubes of 2^n finest cells on the lattice of their size, the edges of which may differ, and that end
+/// with the grid: bricks of mixed sizes. Two such cubes are apart, or one holds the other and its bricks overlap.
+std::vector<CurveInterval> cube_intervals(Index3 logical_dims, BrickTable const& bricks) {
+    std::vector<CurveInterval> intervals;
+    intervals.reserve(bricks.size());
+    for (int a = 0; a < 3; ++a)
+        if (logical_dims[a] > std::int64_t{1} << 20) return {};
+    for (std::size_t i = 0; i < bricks.size(); ++i) {
+        Brick const& b = bricks[i];
+        Box const box = bounds_of(b, logical_dims);
+        auto const longest = static_cast<std::uint64_t>(std::max({box.dims().x, box.dims().y, box.dims().z}));
+        std::uint64_t const edge = std::bit_ceil(longest);
+        std::uint64_t key = 0;
+        for (int a = 0; a < 3; ++a) {
+            auto const lower = static_cast<std::uint64_t>(box.lower[a]);
+            bool const fills = static_cast<std::uint64_t>(box.dims()[a]) == edge;
+            if (lower % edge != 0 || (!fills && box.upper[a] != logical_dims[a])) return {};
+            key |= spread(lower) << a;
+        }
+        intervals.push_back({key, key + edge * edge * edge, i});
+    }
+    return intervals;
+}
+
 void check_overlap_on_curve(BrickTable const& bricks, std::vector<CurveInterval>& intervals) {
     auto const before = [](CurveInterval const& a, CurveInterval const& b) { return a.begin < b.begin; };
     if (!std::is_sorted(intervals.begin(), intervals.end(), before))
@@ -171,7 +196,9 @@ void validate_tree(Index3 logical_dims, BrickTable const& bricks, Coverage cover
     check_bricks(logical_dims, bricks);
     double covered = 0;
     for (Brick const& brick : bricks) covered += volume_of(bounds_of(brick, logical_dims).dims());
-    if (auto intervals = curve_intervals(logical_dims, bricks); !intervals.empty())
+    auto intervals = curve_intervals(logical_dims, bricks);
+    if (intervals.empty()) intervals = cube_intervals(logical_dims, bricks);
+    if (!intervals.empty())
         check_overlap_on_curve(bricks, intervals);
     else
         check_overlap_by_index(logical_dims, bricks);

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace vkt::render {
 
@@ -105,9 +106,15 @@ std::size_t bytes_of_picture(RenderSettings const& settings, Header const& heade
            static_cast<std::size_t>(light + kept + std::max({drawing, making, encoding}));
 }
 
-bool drawn_as_grid(Header const& header, TreeDrawing tree) {
+bool drawn_as_grid(Header const& header, TreeDrawing tree, std::size_t memory) {
     if (header.kind != Kind::hierarchical || tree == TreeDrawing::bricks || tree == TreeDrawing::blocks) return false;
-    return tree == TreeDrawing::grid || lattice_bytes(header) <= tree_bytes(header);
+    if (tree == TreeDrawing::grid || lattice_bytes(header) <= tree_bytes(header)) return true;
+    double finest = 1;
+    for (int axis = 0; axis < 3; ++axis) finest *= static_cast<double>(header.dims[axis]);
+    // Of more, most rays would take many steps through what is one cell.
+    constexpr double most = 12;
+    return finest <= most * static_cast<double>(header.cell_count) &&
+           bytes_to_draw(header, TreeDrawing::grid) <= memory;
 }
 
 std::size_t bytes_to_draw(Header const& header, TreeDrawing tree, bool copied) {
@@ -115,7 +122,7 @@ std::size_t bytes_to_draw(Header const& header, TreeDrawing tree, bool copied) {
         return (read_to_its_place(header) && !copied ? 0 : header.bytes()) + lattice_bytes(header);
     bool const in_place = header.dtype == DataType::float32 || lattice_size(header.dtype) < sizeof(float);
     std::size_t const bricks = tree_bytes(header) + (in_place ? 0 : header.bytes());
-    if (!drawn_as_grid(header, tree)) return bricks;
+    if (!drawn_as_grid(header, tree, 0)) return bricks;
     // Until it is made there are the bricks, too; of types that are not kept there are the voxels.
     bool const kept = header.dtype != DataType::int8 && lattice_size(header.dtype) < sizeof(float);
     std::size_t const grid =
@@ -130,6 +137,7 @@ std::size_t memory_for_blocks(Header const& header, Execution const& execution) 
 }
 
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header, PictureOptions const& file) {
+    constexpr std::size_t most_memory = std::numeric_limits<std::size_t>::max();
     PartRows const rows = rows_of_part(settings);
     std::int64_t const rays = std::int64_t{settings.width} * (rows.last - rows.first);
     auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
@@ -151,9 +159,9 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     } else {
         method = settings.exact ? "exact, piece by piece between the points of the transfer function"
                                 : text("ray marching, step ", settings.step,
-                                       drawn_as_grid(header, settings.tree) ? " voxel of the finest grid"
-                                       : header.kind == Kind::hierarchical  ? " of the finest cell nearby"
-                                                                            : " voxel",
+                                       drawn_as_grid(header, settings.tree, most_memory) ? " voxel of the finest grid"
+                                       : header.kind == Kind::hierarchical               ? " of the finest cell nearby"
+                                                                                         : " voxel",
                                        settings.skip ? ", empty space skipped" : "",
                                        may_leave_out(settings, header)
                                            ? text(", fewer rays and longer steps within ", settings.shortcut, " levels")

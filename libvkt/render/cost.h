@@ -22,11 +22,12 @@ void check_memory(Header const& header, Execution const& execution, TreeDrawing 
 /// layers, and the file, if that cannot be compressed.
 std::size_t bytes_of_picture(RenderSettings const& settings, Header const& header, PictureOptions const& file);
 
-/// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
+/// What a volume takes at least until it is drawn: its voxels and what a renderer makes of them.
 std::size_t bytes_to_draw(Header const& header, TreeDrawing tree = TreeDrawing::automatic, bool copied = false);
 
-/// True for hierarchical volumes that are drawn as a grid, or would be if they had no holes.
-bool drawn_as_grid(Header const& header, TreeDrawing tree);
+/// True for hierarchical volumes that are drawn as a grid, or would be if they had no holes: those that take no more
+/// so, and, with room in so much memory, those that do not take much more, which is faster.
+bool drawn_as_grid(Header const& header, TreeDrawing tree, std::size_t memory);
 
 /// What is left of the budget for blocks of a hierarchical volume that is drawn by bricks: they make it faster.
 std::size_t memory_for_blocks(Header const& header, Execution const& execution);

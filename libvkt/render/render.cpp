@@ -74,7 +74,7 @@ Renderer::Renderer(Volume const& volume, Execution const& execution, TreeDrawing
     auto const start = Clock::now();
     if (header_.kind == Kind::structured)
         lattice_ = make_lattice(volume.view(), header_.values, execution_);
-    else if (drawn_as_grid(header_, tree) &&
+    else if (drawn_as_grid(header_, tree, execution_.memory) &&
              (tree == TreeDrawing::grid || !leaves_holes(header_, volume.bricks(), grid_in(region_))))
         lattice_ = lattice_of_tree(volume, execution_);
     else

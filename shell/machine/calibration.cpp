@@ -41,6 +41,9 @@ double wall_seconds() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+/// Of one thread the time of the processor, which others on the machine do not make longer.
+auto clock_of(int threads) { return threads == 1 ? processor_seconds : wall_seconds; }
+
 /// The least of several, after one that warms up: what others do on the machine makes all but the least longer.
 double least_seconds(std::function<void()> const& work, int tries = 6, double (*clock)() = wall_seconds) {
     auto const seconds_of = [&] {
@@ -98,7 +101,7 @@ double copy_rate(int threads) {
             });
         for (auto& thread : all) thread.join();
     };
-    return static_cast<double>(from.size()) / least_seconds(work);
+    return static_cast<double>(from.size()) / least_seconds(work, 6, clock_of(threads));
 }
 
 double scan_rate(int threads) {
@@ -118,7 +121,7 @@ double scan_rate(int threads) {
             });
         for (auto& thread : all) thread.join();
     };
-    double const rate = static_cast<double>(8 * from.size()) / least_seconds(work);
+    double const rate = static_cast<double>(8 * from.size()) / least_seconds(work, 6, clock_of(threads));
     return sums.front() == 0 ? 0 : rate; // the sums are needed, so nobody leaves them out
 }
 
@@ -149,10 +152,11 @@ void file_rates(Calibration& to) {
         all([&](char* from, std::size_t n, off_t at) { return ::pwrite(file, from, n, at); });
     };
     try {
-        to.file_write = static_cast<double>(bytes) / least_seconds(put);
-        to.file_read = static_cast<double>(bytes) / least_seconds([&] {
-                           all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); });
-                       });
+        to.file_write = static_cast<double>(bytes) / least_seconds(put, 6, processor_seconds);
+        to.file_read =
+            static_cast<double>(bytes) /
+            least_seconds([&] { all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); }); },
+                          6, processor_seconds);
     } catch (...) {
         ::close(file);
         throw;
@@ -192,8 +196,8 @@ OperationRate rate_of(std::string const& name, std::vector<std::string> const& s
         int const threads = many == 0 ? 1 : all_threads;
         // Twice, since what is done once is little beside that: buffers are taken, threads begin.
         constexpr std::size_t times = 2;
-        double const seconds = least_seconds([&] { pass_through(*operation, {volume}, times, threads); }, 6,
-                                             many == 0 ? processor_seconds : wall_seconds);
+        double const seconds =
+            least_seconds([&] { pass_through(*operation, {volume}, times, threads); }, 6, clock_of(threads));
         rate.seconds[many] = seconds / (times * static_cast<double>(counted.voxels()));
     }
     return rate;

@@ -7,6 +7,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/flash.h"
 
+#include <algorithm>
 #include <random>
 
 using namespace amr_test;
@@ -159,6 +160,49 @@ TEST(AmrFlashFile, RefusesATreeThatDoesNotCoverItsDomain) {
     } catch (Error const& error) {
         EXPECT_EQ(error.kind(), ErrorKind::data);
         EXPECT_NE(std::string(error.what()).find("cover"), std::string::npos);
+    }
+}
+
+// Cubes of mixed sizes, cut off where the grid ends: none of a partition, moved or enlarged, is taken twice.
+TEST(AmrFlashFile, MixedCubesOverlapOrDoNot) {
+    Index3 const logical{27, 16, 33};
+    std::mt19937 random(3);
+    std::vector<Brick> bricks;
+    auto const divide = [&](auto const& self, Index3 lower, std::int64_t edge) -> void {
+        Brick brick{lower, {}, 0};
+        for (int a = 0; a < 3; ++a) {
+            if (lower[a] >= logical[a]) return;
+            brick.dims[a] = std::min(edge, logical[a] - lower[a]);
+        }
+        if (edge > 1 && (edge > 16 || random() % 3 != 0)) {
+            for (int i = 0; i < 8; ++i)
+                self(self, lower + Index3{(i & 1) * edge / 2, (i >> 1 & 1) * edge / 2, (i >> 2) * edge / 2}, edge / 2);
+            return;
+        }
+        if (bool const whole = brick.dims.x == edge && brick.dims.y == edge && brick.dims.z == edge; whole && edge >= 4)
+            for (brick.level = static_cast<int>(random() % 2); int const a : {0, 1, 2}) brick.dims[a] >>= brick.level;
+        bricks.push_back(brick);
+    };
+    divide(divide, {0, 0, 0}, 64);
+    std::shuffle(bricks.begin(), bricks.end(), random);
+    validate_tree(logical, bricks, Coverage::complete);
+    for (int n = 0; n < 300; ++n) {
+        std::vector<Brick> changed = bricks;
+        Brick& brick = changed[random() % changed.size()];
+        int const axis = static_cast<int>(random() % 3);
+        if (n % 2 == 0)
+            brick.lower[axis] += random() % 2 == 0 ? 2 : -2; // the lattice of level 1 is kept
+        else
+            brick.dims[axis] *= 2;
+        Box const box = bounds_of(brick, logical);
+        bool overlaps = false;
+        for (Brick const& other : changed)
+            overlaps = overlaps || (&other != &brick && !intersect(box, bounds_of(other, logical)).empty());
+        bool const leaves = !box_of(logical).contains(box);
+        if (overlaps || leaves)
+            EXPECT_THROW(validate_tree(logical, changed, Coverage::may_have_holes), Error) << n;
+        else
+            validate_tree(logical, changed, Coverage::may_have_holes);
     }
 }
 

@@ -78,6 +78,10 @@ template <class C> struct BrickPass {
     AxisTaps<C, tile::extent_y> y;
     AxisTaps<C, tile::extent_z> z;
 
+    /// Arrays stay as they are: setting them to zero takes as long as a small brick.
+    BrickPass(tile::Job const& of, tile::Source const& from, tile::Scratch<C>& to)
+        : job(of), brick(from), scratch(to) {}
+
     /// The cell rows that the samples' x taps need, side by side, then a zero.
     void load(std::int64_t cell_y, std::int64_t cell_z) {
         std::int64_t const start = (cell_z * brick.dims[1] + cell_y) * brick.dims[0];
@@ -146,12 +150,47 @@ template <class C> struct BrickPass {
     }
 };
 
+/// Whether samples lie at the centres of cells, each of which is all that its brick adds there.
+bool samples_cells(tile::Job const& job, tile::Source const& brick) {
+    bool all = true;
+    for (int a = 0; a < 3; ++a)
+        all = all && brick.width[a] == 1 && job.step[a] == 1 && job.lower[a] == __builtin_floor(job.lower[a]);
+    return all;
+}
+
+/// What BrickPass adds then, bit for bit: small bricks of finest cells are most of a refined scan.
+template <class C> void add_cells(tile::Job const& job, tile::Source const& brick, tile::Scratch<C>& scratch) {
+    std::int64_t from[3]; // of the tile's first sample, in cells of the brick
+    int begin[3], end[3];
+    for (int a = 0; a < 3; ++a) {
+        from[a] = static_cast<std::int64_t>(job.lower[a]) + job.begin[a] - brick.lower[a];
+        std::int64_t const last = brick.dims[a] - from[a];
+        begin[a] = from[a] >= 0 ? 0 : from[a] < -job.count[a] ? job.count[a] : static_cast<int>(-from[a]);
+        end[a] = last < job.count[a] ? static_cast<int>(last) : job.count[a];
+        if (begin[a] >= end[a]) return;
+    }
+    int const n = end[0] - begin[0];
+    for (int k = begin[2]; k < end[2]; ++k)
+        for (int j = begin[1]; j < end[1]; ++j) {
+            std::int64_t const row = (from[2] + k) * brick.dims[1] + from[1] + j;
+            load_part(job, brick, row * brick.dims[0] + from[0] + begin[0], n, scratch.cells);
+            std::int64_t const at = (std::int64_t{k} * job.count[1] + j) * job.count[0] + begin[0];
+            C* __restrict const sum = scratch.sum + at;
+            C* __restrict const weight = scratch.weight + at;
+            for (int i = 0; i < n; ++i) sum[i] += scratch.cells[i], weight[i] += C(1);
+        }
+}
+
 template <class C> void run(tile::Job const& job, tile::Scratch<C>& scratch) {
     clear_tile(job, scratch);
     for (int i = 0; i < tile::extent_x * tile::extent_y; ++i) scratch.planes[2][i] = C(0);
     for (std::int64_t i = 0; i < job.id_count; ++i) {
         tile::Source const& brick = job.sources[job.ids[i]];
-        BrickPass<C> pass{job, brick, scratch, {}, {}, {}};
+        if (samples_cells(job, brick)) {
+            add_cells(job, brick, scratch);
+            continue;
+        }
+        BrickPass<C> pass(job, brick, scratch);
         if (pass.z.build(job, brick, 2) && pass.y.build(job, brick, 1) && pass.x.build(job, brick, 0)) pass.add();
     }
 }

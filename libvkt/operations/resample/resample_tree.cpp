@@ -1,5 +1,6 @@
 // Resample of hierarchical volumes: onto which grid, by which reconstruction, and what becomes of the values.
 // SPDX-License-Identifier: MIT
+#include "libvkt/amr/cells.h"
 #include "libvkt/amr/device_sampler.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/engine/travelled.h"
@@ -111,6 +112,12 @@ Plan Resample::plan_tree(Header const& input) const {
     if (values) values = values->with(input.values.physical(stored_background));
     plan.passing = mask ? ErrorPassing::moved(ValueInterval{0, 1}) : ErrorPassing::averaged(1, values);
     if (mask) plan.passing.gain = {0};
+    // Cells are chosen then, and so is the background, if the type holds it.
+    bool const held = with_type(input.dtype, [&]<class T>(T) {
+        return static_cast<double>(store_cell<T>(stored_background)) == stored_background;
+    });
+    if (!mask && reconstruction() == Reconstruction::nearest && !value_change() && held)
+        plan.passing.storing = ErrorPassing::Storing::moves;
     check_wanted(plan.output);
     return plan;
 }

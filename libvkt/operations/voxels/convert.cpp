@@ -160,11 +160,15 @@ void Convert::begin(std::span<Header const> inputs, Plan const&) {
     scan_.reset();
     scans_again_ = false;
     storage_.reset();
+    looks_ = false;
     maps_ = range.has_value();
     copies_ = copies(input_);
     fit_ = smallest() ? fit_of_background(input_) : TypeFit{};
     if (!range) return;
     scan_.emplace(*range, input_);
+    region_ = {{}, input_};
+    cuts_ = input_.kind == Kind::hierarchical && !(region_.finest() == box_of(input_.dims));
+    looks_ = range->depends();
     if (!range->depends()) map_ = map_for(input_, scan_->low(), scan_->high());
 }
 
@@ -180,7 +184,11 @@ void Convert::after_scan(Plan& plan) const {
 }
 
 void Convert::scan(ConstView slab, Execution const& execution) {
-    if (!smallest()) return scan_->scan(slab, execution);
+    if (!smallest()) {
+        Box const box = uses_position() ? intersect(slab.box, region_.box()) : slab.box;
+        if (!box.empty()) scan_->scan(slab.part(box), execution);
+        return;
+    }
     TypeFit found;
     find_fit(slab, found, execution);
     fit_ = joined(fit_, found);
@@ -204,6 +212,7 @@ void Convert::scan_end() {
     }
     scans_again_ = scan_->end_pass();
     if (scans_again_) return;
+    looks_ = false;
     if (!scan_->known())
         throw Error(ErrorKind::data, "no voxel is a finite number: there is no range to map",
                     "give numbers: --range LO:HI");

@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
+#include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/remarks.h"
 #include "libvkt/operations/statistics/range_option.h"
 #include "libvkt/operations/voxels/smallest_type.h"
@@ -55,11 +56,14 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) const override;
     void begin(std::span<Header const> inputs, Plan const& plan) override;
+    void enter_level(Index3 cell_width, Index3 first) override { region_.enter_level(cell_width, first); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
     void after_scan(Plan& plan) const override;
-    bool uses_position() const override { return false; }
+    /// Ranges are those of what is left of a cropped tree, of which bricks hold what was cut off, too: that is
+    /// converted with the rest.
+    bool uses_position() const override { return looks_ && cuts_; }
     bool runs_on_gpu() const override { return true; }
     bool scans_on_gpu() const override { return true; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
@@ -91,9 +95,11 @@ private:
     Map map_;
     bool scans_again_ = false;
     std::optional<RangeScan> scan_;
-    TypeFit fit_;                    ///< for the smallest type
-    std::optional<Storage> storage_; ///< once it is known
-    bool maps_ = false;              ///< a range, or what became of the smallest type
+    LevelRegion region_;                ///< of which the range is looked for
+    bool looks_ = false, cuts_ = false; ///< for a range; its region is not all of a tree
+    TypeFit fit_;                       ///< for the smallest type
+    std::optional<Storage> storage_;    ///< once it is known
+    bool maps_ = false;                 ///< a range, or what became of the smallest type
     Losses counts_;
     bool copies_ = false;
 };

@@ -82,6 +82,8 @@ public:
                  below.has_value()};
         if (range) rule_.low = range->low, rule_.high = range->high;
         inside_ = {roi, in};
+        cuts_ = in.kind == Kind::hierarchical && !(inside_.finest() == box_of(in.dims));
+        looks_ = otsu;
         voxels_ = in.voxels();
         nan_ = 0;
         scans_again_ = false;
@@ -91,19 +93,21 @@ public:
     void enter_level(Index3 cell_width, Index3 first) override { inside_.enter_level(cell_width, first); }
 
     void scan(ConstView slab, Execution const& execution) override {
-        Box const inside = inside_.part_of(slab.box);
+        Box const inside = uses_position() ? intersect(slab.box, inside_.box()) : slab.box;
         if (!inside.empty()) found_->add(slab.part(inside), execution);
     }
 
     void scan_end() override {
         scans_again_ = found_->end_pass();
         if (scans_again_) return;
+        looks_ = false;
         Number const stored = found_->threshold();
         rule_.low = rule_.map == ValueMap{} ? stored : Number(rule_.map.physical(stored.value));
     }
 
     bool scans_again() const override { return scans_again_; }
-    bool uses_position() const override { return !roi.empty(); }
+    /// Otsu looks at what is left of a cropped tree; its bricks hold what was cut off, too.
+    bool uses_position() const override { return !roi.empty() || (looks_ && cuts_); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override {
         Box const inside = inside_.part_of(out.box);
         if (inside != out.box) fill_box(out, VoxelBytes{}, execution);
@@ -137,6 +141,7 @@ private:
     std::unique_ptr<Otsu> found_;
     bool scans_again_ = false;
     LevelRegion inside_;
+    bool looks_ = false, cuts_ = false; ///< for a threshold; its region is not all of a tree
     std::int64_t voxels_ = 0, nan_ = 0;
 };
 
