@@ -305,6 +305,10 @@ for name in 'gaps', 'cube3', 'cube5':
     fails_with 2 '--tolerance 1%' vkt filter kernel dense.txt v_13x11x7_uint8.raw --tolerance inf -o o.vkt
     echo '3 1 1  1 2-3 1' >word.txt
     fails_with 3 "'2-3' is not a number" vkt filter kernel word.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 x 1' >letter.txt
+    fails_with 3 "'x' is not a number" vkt filter kernel letter.txt v_13x11x7_uint8.raw -o o.vkt
+    printf '# of three\n3,1,1 1 2 3\n' >commas.txt
+    fails_with 3 "'3,1,1' is not a number" vkt filter kernel commas.txt v_13x11x7_uint8.raw -o o.vkt
     echo '3 1 1  0 1e39 0' >beyond.txt
     fails_with 2 'too much for the float32' vkt filter kernel beyond.txt v_13x11x7_uint8.raw --dtype float64 -o o.vkt
     vkt convert v_13x11x7_uint8.raw --dtype float64 | vkt filter kernel beyond.txt -o wide.vkt

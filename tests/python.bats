@@ -460,6 +460,16 @@ srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 
 assert np.abs(255 * srgb - p[..., :3])[a[..., 0] > 0.01].max() <= 0.51
 assert np.abs(255 * a - p[..., 3:]).max() <= 0.51
 assert (vkt.render(volume, size=8)[..., 3] == 255).all()
+# In notebooks it is seen, and so is a part of it, with alpha or without; what is no picture is an array as others.
+shown = p._repr_png_()
+assert shown[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II5B", shown[16:29]) == (40, 30, 8, 6, 0, 0, 0)
+rows = np.frombuffer(zlib.decompress(rows_of(shown)), np.uint8).reshape(30, 1 + 4 * 40)
+assert (rows[:, 0] == 0).all() and (rows[:, 1:].reshape(30, 40, 4) == p).all()
+part = p[5:9, 3:, :3]
+assert struct.unpack(">II5B", part._repr_png_()[16:29]) == (37, 4, 8, 2, 0, 0, 0)
+rows = np.frombuffer(zlib.decompress(rows_of(part._repr_png_())), np.uint8).reshape(4, 1 + 3 * 37)
+assert (rows[:, 1:].reshape(4, 37, 3) == part).all()
+assert all(a._repr_png_() is None for a in (f, p[..., 0], p[:0], p == p)) and isinstance(p, np.ndarray)
 ball = np.zeros((12, 14, 16), np.uint8)
 ball[3:9, 3:9, 3:9] = 200
 assert (vkt.render(ball, size=16) == vkt.render(vkt.Volume(ball), size=16)).all()

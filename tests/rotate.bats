@@ -409,6 +409,18 @@ assert get()[0, 0, 10] == 255 and "background -514, the nearest" in said, said'
     vkt rotate in.vkt --axis 0,0,-5e300 --angle -90 | vkt diff - <(vkt rotate in.vkt --angle 90) # any length will do
 }
 
+@test "what does not move in parts of voxels stays, to the last bit" {
+    turn '
+v = random.normal(0, 1, (20, 24, 28))
+for method in ("nearest", "linear", "cubic", "bspline3", "lanczos3", "auto"):
+    for roi in ("1.5:20.25,2.75:19.5,3.3:15.8", "2.7:12.9,2.1:12.3,2.5:12.5"):
+        rotate(v, "--angle", 0, "--roi", roi, "--method", method)
+        assert (get() == v).all(), (method, roi, (get() != v).sum())
+# Half a turn of a single value is this value, as far as shares that are the same on both sides go.
+rotate(np.full(v.shape, 0.1), "--angle", 180, "--roi", "1.5:20.25,2.75:19.5,3.3:15.8")
+assert (get() == 0.1).all(), np.unique(get())'
+}
+
 @test "a region whose ends lie between voxels turns about its middle, as SciPy turns the voxels it touches; those it covers partly get their share" {
     python_with numpy scipy
     vkt make noise --dims 20 15 10 --dtype float32 -o v.nrrd

@@ -540,6 +540,24 @@ open('huge_8x8x8_float64.raw', 'wb').write(struct.pack('<512d', *((x % 8 - 4) * 
     quits
 }
 
+@test "the help is not cut off over a narrow picture" {
+    python_with numpy
+    with_display
+    opens
+    presses h
+    screenshot 0 0 320 240 help.ppm
+    # Between the longest line that there is room for and the scroll bar there is nothing.
+    /usr/bin/python3 -c "
+import numpy as np
+seen = np.frombuffer(open('help.ppm', 'rb').read()[-320 * 240 * 3:], np.uint8).reshape(240, 320, 3).astype(int)
+text = seen[42:230, 20:287].max(axis=2) > 120
+margin = seen[42:230, 288:300].max(axis=2) > 120
+print(text.sum(), 'pixels of text and', margin.sum(), 'in the margin')
+assert text.sum() > 2000 and margin.sum() == 0"
+    presses h
+    quits
+}
+
 @test "Escape closes what is open before it closes the window" {
     with_display
     size=320x320

@@ -257,10 +257,23 @@ double least_effort(RenderSettings const& full) {
 
 double most_effort(RenderSettings const& full) { return full.algorithm == Algorithm::ray_marching ? 0.99 : 1; }
 
+namespace {
+
+/// Rays, or paths, of the full picture.
+double work_of(RenderSettings const& full) {
+    double const pixels = static_cast<double>(full.width) * full.height;
+    return full.algorithm == Algorithm::multi_scattering ? pixels * full.samples : pixels;
+}
+
+} // namespace
+
 double first_effort(RenderSettings const& full) {
-    double work = static_cast<double>(full.width) * full.height;
-    if (full.algorithm == Algorithm::multi_scattering) work *= full.samples;
-    return std::clamp(128 * 128 / work, least_effort(full), 1.0);
+    return std::clamp(128 * 128 / work_of(full), least_effort(full), 1.0);
+}
+
+double carried_effort(double effort, RenderSettings const& before, RenderSettings const& now) {
+    if (before.algorithm != now.algorithm) return first_effort(now);
+    return effort * (work_of(before) / work_of(now));
 }
 
 RenderSettings reduced(RenderSettings const& full, double effort) {

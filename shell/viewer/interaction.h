@@ -77,6 +77,9 @@ double least_effort(render::RenderSettings const& full);
 double most_effort(render::RenderSettings const& full);
 /// A guess for the first frame: some pixels that any machine draws at once.
 double first_effort(render::RenderSettings const& full);
+/// The effort for the first frame of `now`, where that of `before` was `effort`: the same pixels and paths. Of another
+/// algorithm nothing is known.
+double carried_effort(double effort, render::RenderSettings const& before, render::RenderSettings const& now);
 
 /// The same picture for about this share of the work, or less: longer steps or fewer paths first, then fewer pixels; in
 /// ray marching rays and steps are left out besides, as --leave-out 0.5 does. Effort 1 changes nothing.

@@ -16,6 +16,7 @@ Painter::Painter(Scene& scene, render::RenderSettings const& asked, render::Back
     : scene_(scene), asked_(asked), background_(background), wake_(std::move(wake)), target_(target_seconds) {
     background_.alpha = 1; // a window has nothing behind it
     wanted_ = {initial_view(asked_), 1};
+    full_settings_ = asked_;
     effort_ = first_effort(asked_);
     thread_ = std::thread([this] { work(); });
 }
@@ -171,6 +172,11 @@ void Painter::draw_frame(Request const& request, double effort) {
         stop = refinement_.get_token();
     }
     render::RenderSettings const full = settings_of(asked_, request.view);
+    if (fresh) {
+        // A frame of many paths is not what an algorithm that is as quick as marching has time for.
+        effort = effort_ = carried_effort(effort, full_settings_, full);
+        full_settings_ = full;
+    }
     // Both differ from algorithm to algorithm.
     effort = std::clamp(effort, least_effort(full), fresh ? most_effort(full) : 1);
     Picture picture;

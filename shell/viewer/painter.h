@@ -128,10 +128,11 @@ private:
     render::Accumulation paths_; ///< of that request, once its full picture is begun
     int last_pass_ = 0;          ///< paths a pixel
     double last_pass_seconds_ = 0;
-    double shown_seconds_ = 0;    ///< that it took
-    double effort_ = 1;           ///< of the next first frame
-    std::optional<Picture> full_; ///< the full picture of that request, if it was drawn
-    std::thread thread_;          ///< last, so that all it uses is there
+    double shown_seconds_ = 0;             ///< that it took
+    double effort_ = 1;                    ///< of the next first frame
+    render::RenderSettings full_settings_; ///< of the picture that effort_ is a share of
+    std::optional<Picture> full_;          ///< the full picture of that request, if it was drawn
+    std::thread thread_;                   ///< last, so that all it uses is there
 };
 
 } // namespace vkt::shell::viewer

@@ -232,6 +232,46 @@ TEST(Painting, pathsAddUpToThePictureOfOnePass) {
     EXPECT_EQ(scene.kept.pixels, render::testing::render_one(volume, asked).image.pixels);
 }
 
+/// Draws nothing, in no time, and keeps what was asked for.
+class QuickScene : public Scene {
+public:
+    std::string name() const override { return "scene"; }
+    render::Image draw(RenderSettings const& s, render::RenderReport&, std::stop_token const&,
+                       render::Accumulation* accumulation) override {
+        if (accumulation == nullptr) first.push_back(s); // not one of the passes that add up
+        if (accumulation != nullptr) accumulation->samples += s.samples;
+        render::Image image{s.width, s.height, {}};
+        image.pixels.resize(4 * static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.height));
+        return image;
+    }
+    std::string save(render::Image const&, render::RenderReport const&, View const&) override { return "a.png"; }
+    bool next() override { return false; }
+    std::vector<RenderSettings> first; ///< read once the painter has finished
+};
+
+TEST(Painting, paintersOfQuickPicturesDoNotBeginWithManyPaths) {
+    QuickScene scene;
+    RenderSettings asked;
+    asked.samples = 256;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    View view = initial_view(asked);
+    wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    // Some movement, until frames have all rays.
+    for (int i = 0; i < 8; ++i) {
+        view.camera = orbit(render::Camera{}, {0.01 * i, 0});
+        painter.show(view);
+        wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    }
+    view.look.algorithm = render::Algorithm::multi_scattering;
+    painter.show(view);
+    wait_for(painter, [](Frame const& f) { return f.effort == 1 && f.paths == 256; });
+    painter.finish();
+    RenderSettings const& paths = scene.first.back();
+    EXPECT_EQ(paths.algorithm, render::Algorithm::multi_scattering);
+    EXPECT_EQ(paths.samples, 1);
+}
+
 TEST(Painting, whatAVolumeCannotBeDrawnWithLeavesThePicture) {
     Volume const volume = render::testing::volume_of({6, 6, 6}, {1, 1, 1}, [](double x, double, double) {
         return x / 4; // no labels

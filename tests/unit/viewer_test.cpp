@@ -266,6 +266,20 @@ TEST(Effort, theFirstFrameIsSmall) {
     EXPECT_EQ(first_effort(s), 1);
 }
 
+TEST(Effort, anotherAlgorithmAndMorePathsBeginSmall) {
+    RenderSettings march, scatter, more, large;
+    scatter.algorithm = more.algorithm = render::Algorithm::multi_scattering;
+    scatter.samples = 64, more.samples = 4096;
+    large.width = 2 * march.width, large.height = 2 * march.height;
+    // Marching in time with all of its rays says nothing about paths.
+    EXPECT_EQ(carried_effort(most_effort(march), march, scatter), first_effort(scatter));
+    EXPECT_EQ(carried_effort(0.5, scatter, march), first_effort(march));
+    // As many paths, and as many pixels, as before.
+    EXPECT_DOUBLE_EQ(carried_effort(0.5, scatter, more), 0.5 / 64);
+    EXPECT_DOUBLE_EQ(carried_effort(0.8, march, large), 0.2);
+    EXPECT_EQ(carried_effort(0.3, march, march), 0.3);
+}
+
 TEST(Effort, refinementIsDirectWhenQuick) {
     EXPECT_EQ(refined_effort(0.25, 0.03), 1);
     double effort = 0.01, sum = 0;

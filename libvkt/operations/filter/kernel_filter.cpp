@@ -32,18 +32,21 @@ void check_dims(std::string const& path, Index3 dims) {
                               most_extent, ", so that it has no middle or is too large"));
 }
 
-/// Text begins with a number or a comment, and has no bytes that text has not.
+/// Text begins with a number, after comments, and has no bytes that text has not.
 bool looks_like_text(ByteSource& bytes) {
     std::string_view const extension = std::string_view(bytes.name()).substr(bytes.name().find_last_of('.') + 1);
-    if (extension == "raw") return false;
+    if (extension == "raw" || extension == "vtk") return false; // whose second line may be any title
     auto const head = bytes.peek(256);
-    std::string_view const allowed = "0123456789+-.eE# \t\r\nnaifNAIF";
-    bool comment = false;
+    bool comment = false, begun = false;
     for (std::byte const byte : head) {
         auto const c = static_cast<char>(byte);
+        bool const space = c == ' ' || c == '\t' || c == '\r' || c == '\n';
+        if (static_cast<unsigned char>(c) < ' ' && !space) return false;
         if (c == '#') comment = true;
         if (c == '\n') comment = false;
-        if (comment ? static_cast<unsigned char>(c) < 9 : allowed.find(c) == std::string_view::npos) return false;
+        if (begun || comment || space) continue;
+        if (std::string_view("0123456789+-.").find(c) == std::string_view::npos) return false;
+        begun = true;
     }
     return !head.empty();
 }

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: MIT
 import base64
 import html as _html
-import struct
 import warnings
-import zlib
 
 import numpy as np
 
 from ._library import Error
-from ._picture import drawn
+from ._picture import drawn, png_of
 
 
 def html(volume):
@@ -49,15 +47,4 @@ def _slice(volume, axis):
     size = np.array([volume.dims[a] * volume.spacing[a] for a in (across, down)])
     width, height = (max(1, round(256 * n / size.max())) for n in size)
     return ("xyz"[axis] + f" = {volume.dims[axis] // 2}",
-            _grey_png(np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)), width, height)
-
-
-def _grey_png(pixels):
-    """The bytes of a PNG file of an array [row, column] of bytes."""
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    height, width = pixels.shape
-    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) +
-            chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+            png_of(np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)), width, height)

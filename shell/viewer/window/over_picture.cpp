@@ -245,6 +245,9 @@ void Panels::help_window(Shown const& shown) {
     ImGui::SetNextWindowSizeConstraints({0, 0}, {p.width - 16, p.height - 16});
     if (ImGui::Begin("Keys", &help, ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize)) {
         if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
+            // Over a narrow picture lines are broken, not cut off.
+            ImGuiStyle const& style = ImGui::GetStyle();
+            ImGui::PushTextWrapPos(p.width - 16 - 2 * style.WindowPadding.x - style.ScrollbarSize);
             for (auto const& [key, what] : keys()) {
                 ImGui::TableNextRow();
                 ImGui::TableNextColumn();
@@ -252,6 +255,7 @@ void Panels::help_window(Shown const& shown) {
                 ImGui::TableNextColumn();
                 ImGui::TextUnformatted(what);
             }
+            ImGui::PopTextWrapPos();
             ImGui::EndTable();
         }
     }

@@ -253,7 +253,10 @@ void Panels::light_panel(View& view, Shown const& shown) {
         slider("strength", look.environment_strength, 0.01, 100, true, "%.3g");
     }
     if (!scattered) surface_light(view, shown);
-    if (!shown.asked.environment) ImGui::TextDisabled("the same from everywhere; --environment lights it by a picture");
+    if (shown.asked.environment) return;
+    ImGui::PushTextWrapPos(0); // panels are narrower
+    ImGui::TextDisabled("the same from everywhere; --environment lights it by a picture");
+    ImGui::PopTextWrapPos();
 }
 
 void Panels::surface_light(View& view, Shown const& shown) {

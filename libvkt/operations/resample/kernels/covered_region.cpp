@@ -43,7 +43,8 @@ struct Cover {
                              CoveredPart(y, region.lower.y, region.upper.y).share() *
                              CoveredPart(z, region.lower.z, region.upper.z).share();
         double const value = beyond != 0 ? region.background : moved;
-        return share == 1 ? value : value * share + original * (1 - share);
+        // Shares of one value are this value, also to its last bit.
+        return share == 1 || value == original ? value : value * share + original * (1 - share);
     }
     VKT_HD bool undefined(double /*moved*/, double /*original*/, double beyond) const { return beyond != 0; }
 };
