@@ -22,7 +22,7 @@ void Measure::check() const {
 }
 
 void Measure::print(std::vector<Report> const& reports, ReportForm form, Context& context) const {
-    context.print(Report::print(reports, form));
+    Report::print_blocks(reports, form, [&](std::string_view block) { context.print(std::string(block)); });
 }
 
 int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {

@@ -5,10 +5,12 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/formats/sidecar.h"
 #include "libvkt/io/shared_memory.h"
 
 #include <algorithm>
 #include <filesystem>
+#include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
@@ -61,6 +63,13 @@ void spare_output(Invocation const& stage, std::string const& output) {
     if (printed || (written && output != "/dev/null"))
         throw Error(ErrorKind::usage, text("--report ", report, " names where the result goes"),
                     printed ? "write one of them to a file: --report FILE, or -o FILE" : "write it under another name");
+    std::string const sidecar = sidecar_of(output);
+    if (!sidecar.empty() && report != "-" && place(sidecar) == place(report))
+        throw Error(ErrorKind::usage,
+                    text("--report ", report, " names the file beside ", output,
+                         " where BIDS has what belongs to the image: it would be read as that"),
+                    text("write it under another name: --report ",
+                         sidecar.substr(0, sidecar.size() - std::string_view(".json").size()), "_report.json"));
 }
 
 } // namespace

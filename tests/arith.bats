@@ -273,6 +273,42 @@ for slope, intercept in (1, -1024), (-0.5, 3), (-2, 0), (0.25, 0):
     [ "$(vkt arith where yes.vkt a.vkt b.vkt --roi 0:1,:,: --dtype float64 | value)" = 36 ]
 }
 
+@test "where takes integers of 64 bits as they are, whatever the mask is made of" {
+    /usr/bin/python3 - <<'END'
+import subprocess, numpy as np
+rng = np.random.default_rng(6)
+shape = (5, 7, 67)
+a = rng.integers(-2**62, 2**62, shape) * 2 + 1
+b = rng.integers(2**63, 2**64, shape, dtype="u8") | np.uint64(1)
+np.save("a.npy", a); np.save("b.npy", b); np.save("minus.npy", -a)
+mask = rng.integers(0, 3, shape)
+big = 1152921504606846999
+def vkt(*words): return subprocess.check_output(["vkt", *words, "-q"])
+masks = {}
+for dtype in "uint8 int16 int64 float16 float32 float64".split():
+    np.save("m.npy", mask.astype(dtype))
+    vkt("write", "m.npy", f"m_{dtype}.vkt")
+    vkt("set", "m.npy", "--slope", "2", "--intercept", "-2", "-o", f"mapped_{dtype}.vkt")
+    masks[f"m_{dtype}"], masks[f"mapped_{dtype}"] = mask != 0, mask != 1
+odd = np.where(mask == 0, 0, np.where(mask == 1, 0.25, np.nan)).astype("f4") # what integers would take for 0
+np.save("odd.npy", odd); vkt("write", "odd.npy", "odd.vkt")
+masks["odd"] = mask != 0
+for name, is_set in masks.items():
+    for words, want in ((["a.npy", "minus.npy"], np.where(is_set, a, -a)), (["b.npy", "3"], np.where(is_set, b, np.uint64(3))),
+                        (["a.npy", str(big)], np.where(is_set, a, big)), ([str(-big), "a.npy"], np.where(is_set, -big, a))):
+        vkt("arith", "where", name + ".vkt", *words, "-o", "o.npy", "--force")
+        assert np.array_equal(np.load("o.npy"), want), (name, words)
+    vkt("arith", "where", name + ".vkt", "a.npy", "minus.npy", "--roi", ":,2:5,:", "-o", "o.npy", "--force")
+    want[:, 2:5] = np.where(is_set, a, -a)[:, 2:5]
+    want[:, :2], want[:, 5:] = -a[:, :2], -a[:, 5:]
+    assert np.array_equal(np.load("o.npy"), want), name
+    plan = subprocess.run(["vkt", "arith", "where", name + ".vkt", "a.npy", "minus.npy", "-n"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True).stderr
+    assert "result exact" in plan, plan
+vkt("arith", "where", "0.5", "a.npy", "minus.npy", "-o", "o.npy", "--force")
+assert np.array_equal(np.load("o.npy"), a)
+END
+}
+
 @test "either operand may be the number, and standard input either volume" {
     vkt make ramp --dims 4 1 1 -o r.vkt
     [ "$(vkt arith sub 10 r.vkt | value)" = 10 ]

@@ -162,6 +162,20 @@ END
 from common import *
 with h5py.File("vast.h5", "w") as f: f.create_dataset("d", (2000, 2000, 2, 2, 2), "u1", chunks=(100, 100, 2, 2, 2))'
     fails_with 3 "4000000 volumes, more than are numbered" vkt info vast.h5:/d
+    # MATLAB's have parts of other names; its empty arrays have their extents for numbers.
+    /usr/bin/python3 -c '
+from common import *
+z = numpy.zeros((4, 5, 6), dtype=[("real", "f8"), ("imag", "f8")])
+z["real"], z["imag"] = numpy.random.default_rng(1).normal(size=(2, 4, 5, 6))
+with h5py.File("parts.mat", "w") as f:
+    f["z"] = z
+    f["z"].attrs["MATLAB_class"] = numpy.bytes_("double")
+    f["empty"] = numpy.array([0, 3], "u8")
+    f["empty"].attrs["MATLAB_empty"] = numpy.uint8(1)
+assert voxels("parts.mat") == voxels("parts.mat:/z") == z["real"].tobytes() + z["imag"].tobytes()
+said = json.loads(subprocess.check_output(["vkt", "info", "parts.mat", "--json"]))
+assert [one["attributes"]["channel"] for one in said] == ["0", "1"]'
+    fails_with 3 "'/empty' holds an empty array of MATLAB" vkt info parts.mat:/empty
     # As NIfTI's fourth and fifth dimension.
     vkt convert m.h5:/five five.nii
     vkt convert c.h5:/c83 complex.nii

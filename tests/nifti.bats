@@ -381,9 +381,19 @@ for name in ("out", "later", "pair"): assert json.load(open(name + ".json")) == 
 END
     # Nesting that no scanner writes is not followed, in the file or in an attribute.
     vkt make noise --dims 4 4 4 --dtype int16 -o deep.nii
-    /usr/bin/python3 -c "print('{\"a\":' + '[' * 200000 + ']' * 200000 + '}')" >deep.json
+    /usr/bin/python3 -c "print('{\"A\":' + '[' * 200000 + ']' * 200000 + '}')" >deep.json
     run ! grep -q sidecar <(vkt info deep.nii --json)
     vkt info deep.nii
+    # A report is no such file: it does not go there, and is not read as one where it lies already.
+    vkt make noise --dims 9 8 7 | vkt threshold --otsu -o mask.nii
+    for out in l.nii.gz ./l.hdr; do
+        fails_with 2 'would be read as that' vkt label mask.nii --report l.json -o $out
+        [ ! -e l.json ] && [ ! -e $out ]
+    done
+    vkt label mask.nii --report l_report.json -o l.nii.gz
+    vkt label mask.nii --report n.json -o n.nrrd
+    cp n.json l.json
+    run ! grep -q sidecar <(vkt info l.nii.gz --json)
     # The image itself does not say it, or two files would.
     run ! grep -qa RepetitionTime <(zcat out.nii.gz)
     vkt info out.nii.gz --json | grep -q 'RepetitionTime'

@@ -189,6 +189,9 @@ for said, want in (("take a larger --dtype, or fewer components by --min-size or
                     'vkt.label() numbers the components of a mask; vkt.convert(dtype="uint32") changes the type'),
                    ("say for example --first 0 0 0 --last 8 8 8", "say for example first=(0, 0, 0) last=(8, 8, 8)"),
                    ("or put it there with 'vkt resample --like'", "or put it there with 'vkt.resample(like=...)'"),
+                   ("choose one: vkt read 'a b.h5' --variable vxin | ...", 'choose one: vkt.read("a b.h5", variable="vxin")'),
+                   ("all the same: vkt read d3 --force-uniform | ...", 'all the same: vkt.read("d3", force_uniform=True)'),
+                   ("name one: --variable scale0/image", 'name one: variable="scale0/image"'),
                    ("--first/--last say the same", "first=/last= say the same"), ("nothing of it", "nothing of it")):
     assert in_python(said) == want, in_python(said)
 EOF2

@@ -229,7 +229,7 @@ assert np.array_equal(vkt.Volume(np.ma.array(a)).array, a)  # nothing is masked
 EOF2
 }
 
-@test "a pickled volume is the volume: voxels, geometry, units, value map, attributes, history" {
+@test "a pickled volume is the volume: voxels, geometry, units, value map, attributes, history, report" {
     python <<'EOF2'
 import copy, pickle
 turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -251,6 +251,12 @@ back = pickle.loads(data, buffers=buffers)
 assert same(back, v) and back.array.ctypes.data == v.array.ctypes.data  # no copy
 assert same(vkt.flip(vkt.flip(back, "x"), "x"), vkt.flip(vkt.flip(v, "x"), "x"))
 assert copy.copy(v) is v and copy.deepcopy({"a": v})["a"] is v
+labels = vkt.label(vkt.threshold(volume, otsu=True))
+assert labels.report["components"] > 0
+for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+    back = pickle.loads(pickle.dumps(labels, protocol))
+    assert back.report == labels.report and pickle.loads(pickle.dumps(back, protocol)).report == labels.report
+    assert pickle.loads(pickle.dumps(v, protocol)).report is None
 error = pickle.loads(pickle.dumps(vkt.Error("no", 3, "try")))
 assert str(error) == "no (try)" and error.exit_code == 3 and error.hint == "try"
 EOF2

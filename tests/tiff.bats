@@ -83,6 +83,56 @@ for bits in (1, 2, 4, 12):
 END
 }
 
+@test "differences that a compression does not have: stated, they are refused, on whatever page" {
+    /usr/bin/python3 - <<'END'
+import struct, subprocess, numpy
+from voxels import *
+data = numpy.random.default_rng(4).integers(0, 60000, (6, 40)).astype("u2")
+def packbits(row): return bytes([len(row) - 1]) + row
+def page(order, big, at, compression, predictor, kind, last, zeiss):
+    stored = data.astype(order + "u2")
+    voxels = b"".join(packbits(row.tobytes()) for row in stored) if compression == 32773 else stored.tobytes()
+    tags = [(256, 4, 40), (257, 4, 6), (258, 3, 16), (259, 3, compression), (262, 3, 1), (273, 4, at), (277, 3, 1),
+            (278, 4, 6), (279, 4, len(voxels))]
+    if predictor is not None: tags.append((317, kind, predictor))
+    if zeiss: tags.append((34412, 4, 7))
+    value = lambda kind, v: struct.pack(order + {1: "B", 3: "H", 4: "I"}[kind], v).ljust(8 if big else 4, b"\0")
+    entry, count, link = (20, 8, 8) if big else (12, 2, 4)
+    begin = at + len(voxels) + len(voxels) % 2
+    end = begin + count + entry * len(tags) + link
+    pointer = "Q" if big else "I"
+    return begin, end, (voxels.ljust(begin - at, b"\0") + struct.pack(order + ("Q" if big else "H"), len(tags)) +
+        b"".join(struct.pack(order + "HH" + pointer, tag, kind, 1) + value(kind, v) for tag, kind, v in tags),
+        lambda next: struct.pack(order + pointer, 0 if last else next))
+def file(name, compression, predictors, order="<", big=False, kind=3, zeiss=False):
+    mark = b"II" if order == "<" else b"MM"
+    parts, at = [], 16
+    for i, predictor in enumerate(predictors):
+        begin, at, part = page(order, big, at, compression, predictor, kind, i == len(predictors) - 1, zeiss)
+        parts.append((begin, part))
+    head = mark + (struct.pack(order + "HHHQ", 43, 8, 0, parts[0][0]) if big
+                   else struct.pack(order + "HIQ", 42, parts[0][0], 0))
+    links = [begin for begin, _ in parts[1:]] + [0]
+    open(name, "wb").write(head + b"".join(body + link(n) for (_, (body, link)), n in zip(parts, links)))
+def refused(name):
+    got = subprocess.run(["vkt", "info", name], capture_output=True, text=True)
+    assert got.returncode == 3 and "differences between pixels (Predictor 2)" in got.stderr, (name, got)
+for order in "<>":
+    for big in (False, True):
+        for compression in (1, 32773):
+            for kind in (1, 3, 4):
+                layout = (order, big, kind)
+                file("p.tif", compression, [2], *layout)
+                refused("p.tif")
+                file("p.tif", compression, [None, 1, 2], *layout)
+                refused("p.tif")
+                file("p.tif", compression, [1, None], *layout)
+                assert voxels("p.tif").tobytes() == data.tobytes() * 2, (compression, layout)
+    file("p.lsm", 1, [2], order, zeiss=True) # a known fault of Zeiss's program
+    assert voxels("p.lsm").tobytes() == data.tobytes()
+END
+}
+
 @test "hyperstacks and spacing: ImageJ's, OME's, colours" {
     /usr/bin/python3 - <<'END'
 import tifffile, numpy
@@ -108,6 +158,20 @@ assert len(info) == 6 and info[0]["spacing"] == [0.3, 0.3, 2.0] and info[0]["dim
 assert [i["attributes"]["channel"] for i in info] == ["DAPI", "GFP", "RFP"] * 2
 assert voxels("ome.tif").tobytes() == ome.tobytes()
 assert voxels("ome.tif", "--variable GFP").tobytes() == ome[:, 1].tobytes()
+# Times in units of their own, as tifffile and ImageJ write them.
+for name, options, axes in (("min.ome.tif", {}, {"TimeIncrement": 0.5, "TimeIncrementUnit": "min"}),
+                            ("us.ome.tif", {}, {"TimeIncrement": 0.5, "TimeIncrementUnit": "µs"}),
+                            ("s.ome.tif", {}, {"TimeIncrement": 0.5}),
+                            ("min.tif", {"imagej": True}, {"finterval": 0.5, "tunit": "min"}),
+                            ("msec.tif", {"imagej": True}, {"finterval": 0.5, "tunit": "msec"})):
+    tifffile.imwrite(name, data, metadata={"axes": "TZCYX", **axes}, **options)
+    unit = {"msec": "ms"}.get(name.split(".")[0], name.split(".")[0])
+    said = infos(name)[0]["attributes"]
+    assert said["sequence units"] == f'"{unit}"' and said["sequence step"] == "0.5", (name, said)
+    # The same times in files of ours, whose unit is the second: what others read.
+    subprocess.check_call(f"vkt read {name} --index 0:6:3 -o again.tif --force -q", shell=True)
+    seconds = tifffile.TiffFile("again.tif").imagej_metadata["finterval"]
+    assert abs(seconds - 0.5 * {"min": 60, "us": 1e-6, "ms": 1e-3, "s": 1}[unit]) < 1e-9, (name, seconds)
 rgb = rng.integers(0, 255, (4, 20, 30, 3)).astype("u1")
 for planar in ("contig", "separate"):
     stored = rgb if planar == "contig" else rgb.transpose(0, 3, 1, 2)

@@ -130,6 +130,56 @@ END
     sed 's/2 3 0 1 0 0"><P/2 2 0 1 0 0"><P/' two.vti >gap.vti && fails_with 3 "do not fill" vkt stats gap.vti
 }
 
+@test "pieces that overlap, with ghosts that their extents state or do not, and what tells them" {
+    python_with vtkmodules numpy
+    /usr/bin/python3 - <<'END'
+import subprocess, sys, numpy
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkIOXML import vtkXMLImageDataWriter, vtkXMLPImageDataReader
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+data = numpy.random.default_rng(2).normal(size=(6, 7, 20)).astype("f4")
+def piece(name, first, last, ghosts, cells):
+    image = vtkImageData()
+    image.SetExtent(first, last + cells, 0, 6 + cells, 0, 5 + cells)
+    image.SetSpacing(0.5, 1, 2)
+    into = image.GetCellData() if cells else image.GetPointData()
+    part = data[:, :, first:last + 1]
+    marks = numpy.zeros(part.shape, "u1")
+    for x in ghosts: marks[:, :, x - first] = 1
+    for array, words in ((part, "s"), (marks, "vtkGhostType")):
+        values = numpy_to_vtk(numpy.ascontiguousarray(array).ravel(), deep=1)
+        values.SetName(words)
+        into.AddArray(values)
+    writer = vtkXMLImageDataWriter()
+    writer.SetFileName(name)
+    writer.SetInputData(image)
+    writer.Write()
+def part(roi, *options):
+    return subprocess.check_output(f"vkt read g.pvti {' '.join(options)} --roi {roi} | vkt write - --format raw", shell=True)
+for cells in (False, True):
+    piece("g_0.vti", 0, 11, (10, 11), cells)
+    piece("g_1.vti", 8, 19, (8, 9), cells)
+    for spans in (((0, 9), (10, 19)) if cells else ((0, 9), (9, 19)), ((0, 11), (8, 19))):
+        pieces = "".join(f'<Piece Extent="{a} {b + cells} 0 {6 + cells} 0 {5 + cells}" Source="g_{k}.vti"/>' for k, (a, b) in enumerate(spans))
+        kind = "PCellData" if cells else "PPointData"
+        open("g.pvti", "w").write(f'''<VTKFile type="PImageData" version="0.1" byte_order="LittleEndian">
+<PImageData WholeExtent="0 {19 + cells} 0 {6 + cells} 0 {5 + cells}" GhostLevel="2" Origin="0 0 0" Spacing="0.5 1 2">
+<{kind}><PDataArray type="Float32" Name="s"/><PDataArray type="UInt8" Name="vtkGhostType"/></{kind}>
+{pieces}</PImageData></VTKFile>''')
+        reader = vtkXMLPImageDataReader()
+        reader.SetFileName("g.pvti")
+        reader.Update()
+        output = reader.GetOutput()
+        array = (output.GetCellData() if cells else output.GetPointData()).GetArray("s")
+        assert vtk_to_numpy(array).tobytes() == data.tobytes()
+        assert part(":,:,:") == data.tobytes(), (cells, spans)
+        assert part("7:13,2:5,3:4") == data[3:4, 2:5, 7:13].tobytes()
+        assert len(part(":,:,:", "--variable vtkGhostType")) == data.size
+END
+    sed -i 's/Extent="0 /Extent="-1 /; s/WholeExtent="0/WholeExtent="-1/' g.pvti
+    fails_with 3 'has another extent' vkt stats g.pvti
+}
+
 @test "what vkt wrote is what VTK reads; all of the header comes back" {
     for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float32 float64; do
         vkt make noise --dims 30 20 6 --dtype $type | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 -o $type.vti

@@ -142,12 +142,15 @@ Report& Report::write_as(ReportForm form, std::string content) {
 }
 
 std::string Report::table(std::vector<Report> const& rows) {
-    return table_of(rows.front(), [&](auto const& visit) { std::for_each(rows.begin(), rows.end(), visit); });
+    std::string result;
+    print_table(
+        rows.front(), [&](auto const& visit) { std::for_each(rows.begin(), rows.end(), visit); },
+        [&](std::string_view line) { result += line; });
+    return result;
 }
 
-template <class Visits> std::string Report::table_of(Report const& first, Visits const& for_each_row) {
+template <class Visits> void Report::print_table(Report const& first, Visits const& for_each_row, Printer const& to) {
     std::vector<std::size_t> widths;
-    std::string result;
     auto const widen = [&](Report const& row, std::string Field::*which) {
         widths.resize(std::max(widths.size(), row.fields_.size()));
         for (std::size_t i = 0; i < row.fields_.size(); ++i)
@@ -155,39 +158,40 @@ template <class Visits> std::string Report::table_of(Report const& first, Visits
     };
     auto const add_line = [&](Report const& row, std::string Field::*which) {
         std::size_t const n = row.fields_.size();
+        std::string line;
         for (std::size_t i = 0; i < n; ++i) {
             std::string const word = printable(row.fields_[i].*which);
-            result += word;
-            if (i + 1 < n) result.append(widths[i] + 2 - word.size(), ' ');
+            line += word;
+            if (i + 1 < n) line.append(widths[i] + 2 - word.size(), ' ');
         }
-        result += '\n';
+        to(line += '\n');
     };
     widen(first, &Field::name);
     for_each_row([&](Report const& row) { widen(row, &Field::text); });
     add_line(first, &Field::name);
     for_each_row([&](Report const& row) { add_line(row, &Field::text); });
-    return result;
 }
 
 std::string Report::text() const {
-    if (written(ReportForm::text)) return *written(ReportForm::text);
+    std::string result;
+    print_text([&](std::string_view piece) { result += piece; });
+    return result;
+}
+
+void Report::print_text(Printer const& to) const {
+    if (written(ReportForm::text)) return to(*written(ReportForm::text));
     std::size_t width = 0;
     for (auto const& field : fields_) width = std::max(width, printable(field.name).size());
-    std::string result;
     for (auto const& field : fields_) {
         std::string const name = printable(field.name);
         if (field.has_rows()) {
             Rows const& rows = *field.rows;
-            result +=
-                table_of(rows.row ? rows.row(0) : rows.made.front(), [&](auto const& visit) { rows.for_each(visit); });
+            print_table(
+                rows.row ? rows.row(0) : rows.made.front(), [&](auto const& visit) { rows.for_each(visit); }, to);
             continue;
         }
-        result += name;
-        result.append(width + 2 - name.size(), ' ');
-        result += printable(field.text);
-        result += '\n';
+        to(vkt::text(name, std::string(width + 2 - name.size(), ' '), printable(field.text), "\n"));
     }
-    return result;
 }
 
 std::string Report::json(int indent) const {
@@ -216,29 +220,23 @@ void Report::print_json(Printer const& to, int indent) const {
     to(vkt::text("\n", margin, "}"));
 }
 
-std::string Report::text(std::vector<Report> const& reports) {
-    if (reports.size() == 1) return reports.front().text(); // without a copy: it may have a table of many rows
-    std::string result;
+void Report::print_texts(std::vector<Report> const& reports, Printer const& to) {
+    if (reports.size() == 1) return reports.front().print_text(to); // without a copy: it may have a table of many rows
     for (std::size_t i = 0; i < reports.size(); ++i) {
         Report numbered;
         // Tables begin with their own line.
         if (!reports[i].written(ReportForm::text))
             numbered.add("volume", vkt::text(static_cast<std::int64_t>(i + 1), " of ", std::ssize(reports)));
         numbered.fields_.insert(numbered.fields_.end(), reports[i].fields_.begin(), reports[i].fields_.end());
-        if (i > 0) result += '\n';
+        if (i > 0) to("\n");
         numbered.written_ = reports[i].written_;
-        result += numbered.text();
+        numbered.print_text(to);
     }
-    return result;
 }
 
-std::string Report::json(std::vector<Report> const& reports) {
-    std::string result;
-    json(reports, [&](std::string_view piece) { result += piece; });
-    return result;
-}
+std::string Report::json(std::vector<Report> const& reports) { return print(reports, ReportForm::json); }
 
-void Report::json(std::vector<Report> const& reports, Printer const& to) {
+void Report::print_jsons(std::vector<Report> const& reports, Printer const& to) {
     if (reports.size() == 1) {
         reports.front().print_json(to, 0);
         return to("\n");
@@ -251,7 +249,7 @@ void Report::json(std::vector<Report> const& reports, Printer const& to) {
     to("\n]\n");
 }
 
-void Report::csv_into(std::string& lines, std::string& last_names) const {
+void Report::print_csv(Printer const& to, std::string& last_names) const {
     std::string names, values;
     auto const add_fields = [](std::string& to_names, std::string& to_values, Report const& from) {
         for (Field const& field : from.fields_) {
@@ -269,9 +267,9 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
         }
     };
     auto const add_line = [&](std::string const& line_names, std::string const& line_values) {
-        if (line_names != last_names) lines += vkt::text(line_names, "\n");
+        if (line_names != last_names) to(vkt::text(line_names, "\n"));
         last_names = line_names;
-        lines += vkt::text(line_values, "\n");
+        to(vkt::text(line_values, "\n"));
     };
     add_fields(names, values, *this);
     bool any_table = false;
@@ -287,20 +285,39 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
     if (!any_table) add_line(names, values);
 }
 
-std::string Report::csv(std::vector<Report> const& reports) {
-    std::string lines, last_names;
+void Report::print_csvs(std::vector<Report> const& reports, Printer const& to) {
+    std::string last_names;
     for (std::size_t i = 0; i < reports.size(); ++i) {
         Report const& report = reports[i];
         if (report.written(ReportForm::csv))
-            lines += vkt::text(i > 0 ? "\n" : "", *report.written(ReportForm::csv));
+            to(vkt::text(i > 0 ? "\n" : "", *report.written(ReportForm::csv)));
         else
-            report.csv_into(lines, last_names);
+            report.print_csv(to, last_names);
     }
-    return lines;
+}
+
+void Report::print(std::vector<Report> const& reports, ReportForm form, Printer const& to) {
+    return form == ReportForm::csv    ? print_csvs(reports, to)
+           : form == ReportForm::json ? print_jsons(reports, to)
+                                      : print_texts(reports, to);
+}
+
+void Report::print_blocks(std::vector<Report> const& reports, ReportForm form, Printer const& to) {
+    constexpr std::size_t at_once = 1 << 20;
+    std::string block;
+    print(reports, form, [&](std::string_view piece) {
+        block += piece;
+        if (block.size() < at_once) return;
+        to(block);
+        block.clear();
+    });
+    if (!block.empty()) to(block);
 }
 
 std::string Report::print(std::vector<Report> const& reports, ReportForm form) {
-    return form == ReportForm::csv ? csv(reports) : form == ReportForm::json ? json(reports) : text(reports);
+    std::string result;
+    print(reports, form, [&](std::string_view piece) { result += piece; });
+    return result;
 }
 
 } // namespace vkt

@@ -50,14 +50,14 @@ public:
     /// Takes what is printed piece by piece, at most a row of a table at once.
     using Printer = std::function<void(std::string_view)>;
 
-    /// One report as it is, several as a list.
-    static std::string text(std::vector<Report> const& reports);
-    static std::string json(std::vector<Report> const& reports);
-    static void json(std::vector<Report> const& reports, Printer const& to);
-    /// A line of names and a line of values for each report, or for each row of its tables, which begins with what the
-    /// report says besides; names again where they change. Of three numbers each has a column: NAME_x, NAME_y, NAME_z.
-    static std::string csv(std::vector<Report> const& reports);
+    /// One report as it is, several as a list. CSV is a line of names and a line of values for each report, or for each
+    /// row of its tables, which begins with what the report says besides; names again where they change. Of three
+    /// numbers each has a column: NAME_x, NAME_y, NAME_z.
+    static void print(std::vector<Report> const& reports, ReportForm form, Printer const& to);
+    /// The same for printers that are not to be called for every row: of blocks of a MiB, unless a row is longer.
+    static void print_blocks(std::vector<Report> const& reports, ReportForm form, Printer const& to);
     static std::string print(std::vector<Report> const& reports, ReportForm form);
+    static std::string json(std::vector<Report> const& reports);
     /// Reports of the same fields as columns under a line of names.
     static std::string table(std::vector<Report> const& rows);
 
@@ -85,12 +85,16 @@ private:
         std::string json() const;
         bool has_rows() const { return rows && rows->count > 0; }
     };
+    static void print_texts(std::vector<Report> const& reports, Printer const& to);
+    static void print_jsons(std::vector<Report> const& reports, Printer const& to);
+    static void print_csvs(std::vector<Report> const& reports, Printer const& to);
+    void print_text(Printer const& to) const;
     void print_json(Printer const& to, int indent) const;
-    template <class Visits> static std::string table_of(Report const& first, Visits const& for_each_row);
+    void print_csv(Printer const& to, std::string& last_names) const;
+    template <class Visits> static void print_table(Report const& first, Visits const& for_each_row, Printer const& to);
     std::optional<std::string> const& written(ReportForm form) const {
         return written_[static_cast<std::size_t>(form)];
     }
-    void csv_into(std::string& lines, std::string& last_names) const;
 
     std::vector<Field> fields_;
     std::array<std::optional<std::string>, 3> written_; ///< by form

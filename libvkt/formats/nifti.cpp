@@ -9,6 +9,7 @@
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/nifti_places.h"
+#include "libvkt/formats/sidecar.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/wrapper.h"
 
@@ -39,16 +40,6 @@ std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
     return unwrapped(open_bytes(packed), Wrapper::gzip);
 }
 
-/// Where BIDS has what an image's header has no place for: scan.json beside scan.nii.gz, scan.nii or scan.hdr.
-std::string sidecar_of(std::string const& image) {
-    std::string stem = image;
-    for (char const* const end : {".gz", ".bz2", ".xz", ".zst"})
-        if (lower_case(stem).ends_with(end)) stem.resize(stem.rfind('.'));
-    for (char const* const end : {".nii", ".hdr", ".img"})
-        if (lower_case(stem).ends_with(end)) return stem.substr(0, stem.rfind('.')) + ".json";
-    return {};
-}
-
 /// The object that a text holds; null if it holds none, or nests deeper than what such files say: the library writes by
 /// recursion.
 Json object_in(std::string_view text) {
@@ -62,6 +53,13 @@ Json object_in(std::string_view text) {
     return !deep && json.is_object() ? json : Json();
 }
 
+/// Whether BIDS may have it: it writes names in CamelCase. Reports of ours, which may lie there, have none.
+bool is_of_bids(Json const& object) {
+    for (auto const& entry : object.items())
+        if (!entry.key().empty() && entry.key()[0] >= 'A' && entry.key()[0] <= 'Z') return true;
+    return object.empty();
+}
+
 /// What stands in it, on one line; empty if there is none, or it holds no such object.
 std::string sidecar_text(std::string const& path) {
     constexpr std::int64_t most = std::int64_t{1} << 20;
@@ -70,7 +68,7 @@ std::string sidecar_text(std::string const& path) {
     if (std::filesystem::file_size(path, error) > most || error) return {};
     std::ifstream file(path);
     Json const json = object_in(std::string(std::istreambuf_iterator<char>(file), {}));
-    return json.is_null() ? std::string() : json.dump();
+    return json.is_null() || !is_of_bids(json) ? std::string() : json.dump();
 }
 
 /// The pair or file, and a sidecar for what an input's sidecar said. It appears before the image does.

@@ -30,6 +30,15 @@ Index3 dims_of(Extent const& e, bool cells) {
     return d;
 }
 
+/// What VTK notes of points and cells that another piece has, too: no field that anyone looks for.
+bool tells_ghosts(VtiArray const& array) { return array.name == "vtkGhostType" || array.name == "vtkGhostLevels"; }
+
+bool contains(Extent const& outer, Extent const& inner) {
+    for (std::size_t a = 0; a < 6; a += 2)
+        if (inner[a] < outer[a] || inner[a + 1] > outer[a + 1]) return false;
+    return true;
+}
+
 /// One file with pieces, and the arrays that were asked for of them.
 struct OpenFile {
     std::unique_ptr<ByteSource> bytes;
@@ -80,7 +89,7 @@ public:
             Index3 const lower = lower_of(part.extent) - lower_of(main_->structure.whole);
             Box const box{lower, lower + dims_of(part.extent, wanted_.cells)};
             Box const common = intersect(box, out.box);
-            if (!common.empty()) read_part(part, box, out.part(common));
+            if (!common.empty()) read_part(part, out.part(common));
         }
     }
 
@@ -143,8 +152,11 @@ private:
         };
         series_ = options.variable.empty() && all.size() > 1 && std::all_of(arrays().begin(), arrays().end(), alike);
         if (options.variable.empty() && all.size() > 1 && !series_) {
+            auto const no_ghosts = [](VtiArray const& array) { return !tells_ghosts(array); };
             if (auto const found = active())
                 chosen = *found;
+            else if (std::ranges::count_if(arrays(), no_ghosts) == 1)
+                chosen = static_cast<std::size_t>(std::ranges::find_if(arrays(), no_ghosts) - arrays().begin());
             else
                 choices_ = all;
         } else {
@@ -217,29 +229,32 @@ private:
             part.file = part.own.get();
             if (part.own->structure.parallel) fail(text("its piece '", part.path, "' is no file with voxels"));
             part.piece = nullptr;
-            for (VtiPiece const& piece : part.own->structure.pieces)
-                if (piece.extent == part.extent) part.piece = &piece;
+            for (VtiPiece const& piece : part.own->structure.pieces) // which may have ghosts besides
+                if (piece.extent == part.extent || (part.piece == nullptr && contains(piece.extent, part.extent)))
+                    part.piece = &piece;
             if (part.piece == nullptr) fail(text("its piece '", part.path, "' has another extent"));
         }
         for (VtiArray const& array : part.piece->arrays)
             if (array.name == wanted_.name && array.cells == wanted_.cells) {
                 if (array.type != wanted_.type || array.components != wanted_.components)
                     fail(text("array '", printable(array.name), "' differs in type between pieces"));
-                Index3 const dims = dims_of(part.extent, wanted_.cells);
-                std::int64_t bytes = 0;
-                if (__builtin_mul_overflow(dims.x * dims.y * dims.z,
-                                           wanted_.components * static_cast<std::int64_t>(size_of(wanted_.type)),
-                                           &bytes))
-                    fail("claims more bytes than any file can have");
+                Index3 const dims = dims_of(part.piece->extent, wanted_.cells);
+                std::int64_t bytes = wanted_.components * static_cast<std::int64_t>(size_of(wanted_.type));
+                for (int a = 0; a < 3; ++a)
+                    if (__builtin_mul_overflow(bytes, dims[a], &bytes))
+                        fail("claims more bytes than any file can have");
                 part.data = std::make_unique<VtiData>(*part.file->bytes, part.file->structure, array, bytes);
                 return;
             }
         fail(text("a piece has no array '", printable(wanted_.name), "'"));
     }
 
-    void read_part(Part& part, Box const& box, AnyView const& out) {
+    void read_part(Part& part, AnyView const& out) {
         open_part(part);
         auto const element = static_cast<std::int64_t>(size_of(wanted_.type));
+        Index3 const lower = lower_of(part.piece->extent) - lower_of(main_->structure.whole);
+        Box const box{lower, lower + dims_of(part.piece->extent, wanted_.cells)}; // as it lies in the file
+        if (!box.contains(out.box)) fail(text("its piece '", part.path, "' has another extent"));
         Index3 const dims = box.dims(), size = out.dims();
         auto const voxel = [&](std::int64_t x, std::int64_t y, std::int64_t z) {
             return ((z - box.lower.z) * dims.y + (y - box.lower.y)) * dims.x + (x - box.lower.x);

@@ -65,21 +65,9 @@ StageInfo Runner::stage_info(Invocation const& stage) {
         auto const write = [&stage, collected, form = stage.common().report_form()] {
             if (collected->empty()) return;
             OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
-            constexpr std::size_t at_once = 1 << 20; // a report may have a row for every few voxels
-            std::string written;
-            auto const flush = [&] {
-                file.write(written.data(), written.size());
-                written.clear();
-            };
-            auto const take = [&](std::string_view piece) {
-                written += piece;
-                if (written.size() >= at_once) flush();
-            };
-            if (form == ReportForm::json)
-                Report::json(*collected, take);
-            else
-                take(Report::print(*collected, form));
-            flush();
+            // It may have a row for every few voxels.
+            Report::print_blocks(*collected, form,
+                                 [&](std::string_view block) { file.write(block.data(), block.size()); });
             file.commit();
         };
         bool const replaced = is_replaced(stage.common().report_file);

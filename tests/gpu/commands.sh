@@ -188,6 +188,11 @@ for type in $types; do
     same 1e-6 "$vkt arith exp a_$type.vkt -q | $vkt arith min - 1e30 -q"
     same 0 "$vkt arith clamp a_$type.vkt 3 9 -q"
     same 0 "$vkt arith where a_$type.vkt b_$type.vkt 3 -q"
+    same 0 "$vkt arith where a_$type.vkt b_$type.vkt a_$type.vkt --roi 3:,:,1: -q"
+done
+for type in $types; do
+    same 0 "$vkt arith where a_$type.vkt a_int64.vkt b_int64.vkt -q"
+    same 0 "$vkt set a_$type.vkt --slope 2 --intercept -8 | $vkt arith where - a_int64.vkt b_int64.vkt -q"
 done
 "$vkt" make noise --dims 1024 128 9 --dtype float32 --seed 3 -o large.nrrd
 

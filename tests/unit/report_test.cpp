@@ -41,14 +41,32 @@ TEST(Report, RowsThatAreMadeAreThoseThatAreThere) {
 TEST(Report, IsPrintedRowByRow) {
     Report report;
     report.add("labels", 1000, row_of);
-    std::size_t longest = 0;
-    std::string all;
-    Report::json({report}, [&](std::string_view piece) {
-        longest = std::max(longest, piece.size());
-        all += piece;
-    });
-    EXPECT_EQ(all, Report::json({report}));
-    EXPECT_LT(longest, 200U);
+    for (ReportForm const form : {ReportForm::text, ReportForm::json, ReportForm::csv}) {
+        std::size_t longest = 0;
+        std::string all;
+        Report::print({report}, form, [&](std::string_view piece) {
+            longest = std::max(longest, piece.size());
+            all += piece;
+        });
+        EXPECT_EQ(all, Report::print({report}, form));
+        EXPECT_LT(longest, 200U);
+    }
+}
+
+TEST(Report, IsPrintedInBlocks) {
+    Report report;
+    report.add("labels", 100000, row_of);
+    for (ReportForm const form : {ReportForm::text, ReportForm::json, ReportForm::csv}) {
+        std::vector<std::string> blocks;
+        std::string all;
+        Report::print_blocks({report}, form, [&](std::string_view block) {
+            blocks.emplace_back(block);
+            all += block;
+        });
+        EXPECT_EQ(all, Report::print({report}, form));
+        ASSERT_GT(blocks.size(), 1U);
+        for (std::string const& block : blocks) EXPECT_LT(block.size(), (1U << 20) + 200);
+    }
 }
 
 } // namespace vkt

@@ -51,6 +51,7 @@ std::string Datasets::look_at(hid_t set, std::string const& path) {
     Handle const type(H5Dget_type(set), H5Tclose), space(H5Dget_space(set), H5Sclose);
     int const rank = H5Sget_simple_extent_ndims(space);
     if (rank < 1 || H5Sget_simple_extent_type(space) != H5S_SIMPLE) return "no array";
+    if (H5Aexists(set, "MATLAB_empty") > 0) return "an empty array of MATLAB"; // its numbers are extents
     auto const part = complex_part(type), kind = part ? part : type_of(type);
     if (!kind) return other_elements(type);
     Dataset one;
@@ -65,8 +66,7 @@ std::string Datasets::look_at(hid_t set, std::string const& path) {
     one.scale = words(set, "CLASS") == "DIMENSION_SCALE";
     one.bounds = words(set, "bounds");
     // MATLAB keeps the parts of cells and objects in groups of their own, and texts as numbers.
-    if (H5Aexists(set, "MATLAB_empty") > 0 || words(set, "MATLAB_class") == "char" || path.starts_with("/#refs#/") ||
-        path.starts_with("/#subsystem#/"))
+    if (words(set, "MATLAB_class") == "char" || path.starts_with("/#refs#/") || path.starts_with("/#subsystem#/"))
         one.scale = true;
     datasets_.push_back(std::move(one));
     return {};

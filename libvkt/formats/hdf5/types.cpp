@@ -4,6 +4,8 @@
 
 #include "libvkt/core/text.h"
 
+#include <array>
+
 namespace vkt::hdf5 {
 namespace {
 
@@ -26,6 +28,16 @@ hid_t native_integer(DataType type) {
     default:
         return H5T_NATIVE_INT64;
     }
+}
+
+using PartNames = std::array<char const*, 2>;
+
+/// Of the real and the imaginary part; null if the structure has none.
+PartNames const* names_of_parts(hid_t type) {
+    static constexpr PartNames known[] = {{"r", "i"}, {"real", "imag"}}; // h5py's and MATLAB's
+    for (PartNames const& names : known)
+        if (H5Tget_member_index(type, names[0]) >= 0 && H5Tget_member_index(type, names[1]) >= 0) return &names;
+    return nullptr;
 }
 
 } // namespace
@@ -64,16 +76,18 @@ std::optional<DataType> type_of(hid_t type) {
 
 std::optional<DataType> complex_part(hid_t type) {
     if (H5Tget_class(type) != H5T_COMPOUND || H5Tget_nmembers(type) != 2) return std::nullopt;
-    int const r = H5Tget_member_index(type, "r"), i = H5Tget_member_index(type, "i");
-    if (r < 0 || i < 0) return std::nullopt;
-    Handle const real(H5Tget_member_type(type, static_cast<unsigned>(r)), H5Tclose),
-        imaginary(H5Tget_member_type(type, static_cast<unsigned>(i)), H5Tclose);
+    PartNames const* const names = names_of_parts(type);
+    if (names == nullptr) return std::nullopt;
+    auto const member = [&](char const* name) {
+        return Handle(H5Tget_member_type(type, static_cast<unsigned>(H5Tget_member_index(type, name))), H5Tclose);
+    };
+    Handle const real = member((*names)[0]), imaginary = member((*names)[1]);
     auto const kind = type_of(real);
     return kind && plain(real) && H5Tequal(real, imaginary) > 0 ? kind : std::nullopt;
 }
 
 Handle part_type(hid_t type, int part) {
-    char const* const name = part == 0 ? "r" : "i";
+    char const* const name = (*names_of_parts(type))[part == 0 ? 0 : 1];
     Handle const member(H5Tget_member_type(type, static_cast<unsigned>(H5Tget_member_index(type, name))), H5Tclose),
         own = memory_type(member);
     Handle result(H5Tcreate(H5T_COMPOUND, H5Tget_size(own)), H5Tclose);
@@ -103,8 +117,7 @@ DataType with_sign(DataType type, bool sign) {
 std::string other_elements(hid_t type) {
     switch (H5Tget_class(type)) {
     case H5T_COMPOUND:
-        return H5Tget_member_index(type, "r") >= 0 && H5Tget_member_index(type, "i") >= 0 ? "complex numbers"
-                                                                                          : "structures";
+        return names_of_parts(type) != nullptr ? "complex numbers" : "structures";
     case H5T_STRING:
         return "texts";
     case H5T_INTEGER:

@@ -15,7 +15,8 @@ namespace vkt::hdf5 {
 /// None of what no voxel can be.
 std::optional<DataType> type_of(hid_t type);
 
-/// Of complex numbers as h5py writes them, structures of r and i, the type of both; none of anything else.
+/// Of complex numbers as h5py and MATLAB write them, structures of r and i or of real and imag, the type of both; none
+/// of anything else.
 std::optional<DataType> complex_part(hid_t type);
 /// The real (0) or imaginary part (1) of complex numbers, in this machine's byte order.
 Handle part_type(hid_t type, int part);

@@ -33,6 +33,17 @@ std::string plain_unit(std::string unit) {
     return found == names.end() ? unit : found->second;
 }
 
+/// Units of time as NIfTI and OME write them. What cannot be a unit is taken for the seconds that both mean by none.
+std::string time_unit(std::string const& unit) {
+    static std::map<std::string, std::string> const names{
+        {"", "s"},          {"sec", "s"},        {"second", "s"},     {"seconds", "s"}, {"msec", "ms"},
+        {"\\u00B5s", "us"}, {"\xC2\xB5s", "us"}, {"\xCE\xBCs", "us"}, {"usec", "us"},   {"minute", "min"},
+        {"minutes", "min"}, {"hour", "h"},       {"hours", "h"},      {"day", "d"},     {"days", "d"}};
+    auto const found = names.find(unit);
+    if (found != names.end()) return found->second;
+    return unit.find('"') == std::string::npos ? unit : "s";
+}
+
 std::optional<double> positive(std::string_view word) {
     auto const value = number_in(word);
     return value && *value > 0 && std::isfinite(*value) ? value : std::nullopt;
@@ -62,6 +73,7 @@ void read_imagej(std::string const& description, TiffDescription& result) {
             result.spacing_z = std::abs(*value); // ImageJ writes negative ones for stacks that were turned over
     result.unit = plain_unit(pairs["unit"]);
     result.interval = positive(pairs["finterval"]);
+    result.interval_unit = time_unit(pairs["tunit"]);
     if (pairs["cf"] == "0") { // a straight line
         auto const c0 = number_in(pairs["c0"]), c1 = number_in(pairs["c1"]);
         if (c0 && c1 && *c1 != 0 && std::isfinite(*c0) && std::isfinite(*c1)) result.values = ValueMap{*c1, *c0};
@@ -245,6 +257,7 @@ private:
         physical_size(a, "PhysicalSizeY", result_.spacing_y);
         physical_size(a, "PhysicalSizeZ", result_.spacing_z);
         result_.interval = positive(a["TimeIncrement"]);
+        result_.interval_unit = time_unit(a["TimeIncrementUnit"]);
     }
 
     /// Sizes along all axes are in the unit of the first.

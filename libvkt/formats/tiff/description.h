@@ -28,6 +28,7 @@ struct TiffDescription {
     std::vector<std::size_t> file_of;
     bool image_found = false; ///< OME: the image that was asked for is there
     std::optional<double> spacing_x, spacing_y, spacing_z, interval;
+    std::string interval_unit = "s";
     std::string unit; ///< of the spacing, "mm"; empty: nobody says
     std::vector<std::string> channel_names;
     std::optional<ValueMap> values;

@@ -92,6 +92,13 @@ DataType type_of(Pages const& pages, Page const& page) {
     if (!TIFFIsCODECConfigured(page.compression))
         pages.fail(text("its compression, number ", static_cast<int>(page.compression), ", is unknown to this libtiff"),
                    "convert it first: tiffcp -c zip");
+    for (Page const& any : pages.taken())
+        if (any.predictor != PREDICTOR_NONE)
+            pages.fail(
+                text("it states differences between pixels (Predictor ", static_cast<int>(any.predictor),
+                     ") with compression ", static_cast<int>(any.compression),
+                     ", which has none: readers do not agree what its values are"),
+                "tifffile takes them for differences, tiffcp -c zip does not: convert it with the one that is right");
     switch (page.format) {
     case SAMPLEFORMAT_IEEEFP:
         if (bits == 16) return DataType::float16;
@@ -193,7 +200,7 @@ std::vector<Plane> arrange(Pages const& pages, TiffDescription const& about, Par
                 if (frames > 1) {
                     said["sequence position"] = to_text(static_cast<double>(t) * about.interval.value_or(1));
                     said["sequence step"] = to_text(about.interval.value_or(1));
-                    if (about.interval) said["sequence units"] = "\"s\"";
+                    if (about.interval) said["sequence units"] = text("\"", about.interval_unit, "\"");
                 }
                 if (grids.volumes > 1) grids.attributes.push_back(std::move(said));
             }

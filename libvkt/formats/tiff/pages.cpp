@@ -17,10 +17,13 @@
 #include <string_view>
 #include <utility>
 
+#include <unistd.h>
+
 namespace vkt::tiff {
 namespace {
 
 constexpr std::int64_t most_pages = std::int64_t{1} << 20;
+constexpr std::uint32_t tag_of_zeiss = 34412; ///< CZ_LSMINFO
 
 void complain(char const* module, char const* format, va_list arguments) {
     char line[300];
@@ -57,6 +60,41 @@ void find_voxels(TIFF* tiff, Page& page) {
     }
     page.begin = begin;
     page.end = next;
+}
+
+/// The Predictor that a page's directory states, 1 if none. libtiff knows the tag only with compressions that have one,
+/// and drops it with all others, so that the entry is read here.
+std::uint16_t predictor_of(TIFF* tiff, Page const& page) {
+    TIFFField const* const field = TIFFFindField(tiff, TIFFTAG_PREDICTOR, TIFF_ANY);
+    if (field == nullptr || TIFFFieldIsAnonymous(field) == 0) return PREDICTOR_NONE; // not there, or undone by libtiff
+    bool const big_endian = TIFFIsBigEndian(tiff) != 0, big = TIFFIsBigTIFF(tiff) != 0;
+    auto const number = [big_endian](unsigned char const* bytes, std::size_t n) {
+        std::uint64_t value = 0;
+        for (std::size_t i = 0; i < n; ++i) value = value << 8 | bytes[big_endian ? i : n - 1 - i];
+        return value;
+    };
+    auto const read = [&](std::uint64_t offset, unsigned char* to, std::size_t n) {
+        return ::pread(TIFFFileno(tiff), to, n, static_cast<off_t>(offset)) == static_cast<ssize_t>(n);
+    };
+    std::array<unsigned char, 20> entry{};
+    std::size_t const count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12;
+    if (!read(page.offset, entry.data(), count_bytes)) return PREDICTOR_NONE;
+    std::uint64_t const entries = std::min<std::uint64_t>(number(entry.data(), count_bytes), 65535);
+    for (std::uint64_t i = 0; i < entries; ++i) {
+        if (!read(page.offset + count_bytes + i * entry_bytes, entry.data(), entry_bytes)) break;
+        if (number(entry.data(), 2) != TIFFTAG_PREDICTOR) continue;
+        std::uint64_t const type = number(entry.data() + 2, 2);
+        std::size_t const bytes = type == TIFF_BYTE ? 1 : type == TIFF_LONG ? 4 : 2;
+        auto const stated = static_cast<std::uint16_t>(number(entry.data() + (big ? 12 : 8), bytes));
+        return stated == 0 ? std::uint16_t{PREDICTOR_NONE} : stated;
+    }
+    return PREDICTOR_NONE;
+}
+
+/// Whether every reader takes the pixels of that compression as they are decoded, whatever Predictor there is.
+bool encodes_pictures(std::uint16_t compression) {
+    return compression == COMPRESSION_OJPEG || compression == COMPRESSION_JPEG || compression == COMPRESSION_WEBP ||
+           compression == COMPRESSION_JXL;
 }
 
 } // namespace
@@ -114,6 +152,10 @@ Page Pages::page_here() {
                  "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
     }
     if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
+    if (every_.empty()) laser_microscope_ = TIFFFindField(tiff_, tag_of_zeiss, TIFF_ANY) != nullptr;
+    // Zeiss's LSM 510 has it in pages that hold no differences.
+    if (!encodes_pictures(p.compression) && !(laser_microscope_ && p.compression == COMPRESSION_NONE))
+        p.predictor = predictor_of(tiff_, p);
     find_voxels(tiff_, p);
     return p;
 }

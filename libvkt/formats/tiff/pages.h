@@ -24,6 +24,7 @@ struct Page {
     std::uint32_t width = 0, height = 0;
     std::uint16_t bits = 1, format = SAMPLEFORMAT_UINT, samples = 1, planar = PLANARCONFIG_CONTIG, photometric = 0,
                   compression = COMPRESSION_NONE, orientation = ORIENTATION_TOPLEFT;
+    std::uint16_t predictor = PREDICTOR_NONE; ///< stated, and not undone by libtiff
     bool tiled = false;
     /// Where its voxels begin and end in the file, if they lie there as they are wanted and in one piece; else 0.
     std::uint64_t begin = 0, end = 0;
@@ -91,6 +92,7 @@ private:
     std::size_t file_ = 0;                                     ///< its number
     std::vector<std::string> files_;                           ///< others, from number 1 on
     double bytes_ = 0;                                         ///< of all of them
+    bool laser_microscope_ = false;                            ///< it is of Zeiss's
     std::vector<Page> every_;                                  ///< in the order of the file
     std::vector<std::size_t> numbers_;                         ///< of pages_ among them
     std::vector<Page> pages_;                                  ///< those that are read, of one size

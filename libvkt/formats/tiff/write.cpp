@@ -71,11 +71,13 @@ std::optional<double> seconds_of(SeriesAxis const& times, Header const& header) 
     auto const steps = steps_of(times, header);
     bool const said = !times.places.front().empty() || header.attributes.contains("sequence step");
     if (!steps || !said) return std::nullopt;
-    constexpr std::pair<char const*, double> units[] = {
-        {"", 1}, {"s", 1}, {"ms", 1000}, {"us", 1e6}, {"min", 1.0 / 60}};
+    constexpr std::pair<char const*, double> units[] = {{"", 1}, {"s", 1}, {"ms", 1000}, {"us", 1e6}};
+    constexpr std::pair<char const*, double> longer[] = {{"min", 60}, {"h", 3600}, {"d", 86400}};
     std::string const unit = unit_of(header, "sequence units", 1);
     for (auto const& [name, of_a_second] : units)
         if (unit == name) return steps->step / of_a_second;
+    for (auto const& [name, seconds] : longer)
+        if (unit == name) return steps->step * seconds;
     return std::nullopt;
 }
 

@@ -243,6 +243,19 @@ void Arithmetic::choose_type(std::vector<Header const*> const& headers, Choice& 
     if (dtype) choice.type = *dtype;
 }
 
+/// Whether where takes integers that float64 does not hold, as they are stored, by a mask that 128-bit integers do not
+/// hold: by what it means, or of floats.
+bool Arithmetic::is_exact_choice(std::vector<Header const*> const& headers, Choice const& choice) const {
+    Header const& mask = *headers[0];
+    bool wide = is_wide(choice.type), whole = is_integer(choice.type) && choice.map_out == ValueMap{};
+    for (std::size_t i = 1; i < headers.size(); ++i) {
+        wide = wide || (headers[i] != nullptr && is_wide(headers[i]->dtype));
+        whole = whole && choice.maps[i] == ValueMap{} &&
+                (headers[i] != nullptr ? is_integer(headers[i]->dtype) : choice.numbers[i] && choice.numbers[i]->whole);
+    }
+    return wide && whole && (!is_integer(mask.dtype) || !(mask.values == ValueMap{}));
+}
+
 /// Decides in which values to compute.
 void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice& choice) const {
     std::size_t const n = headers.size();
@@ -268,7 +281,14 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
             if (headers[i] != nullptr) choice.maps[i] = headers[i]->values;
         choice.map_out = choice.values;
     }
-    if (op == ArithmeticOp::where && headers[0] != nullptr) choice.maps[0] = headers[0]->values; // 0 is what is meant
+    if (op == ArithmeticOp::where && headers[0] != nullptr) { // 0 is what is meant
+        if (is_exact_choice(headers, choice))
+            choice.mask = headers[0]->values;
+        else
+            choice.maps[0] = headers[0]->values;
+    }
+    if (op == ArithmeticOp::where && choice.numbers[0])
+        choice.numbers[0] = Number(choice.numbers[0]->value != 0 ? 1 : 0);
     bool const stored = choice.maps == std::array<ValueMap, 3>{} && choice.map_out == ValueMap{};
     auto const fits_float = [](std::optional<Number> const& v) {
         return !v || static_cast<double>(static_cast<float>(v->value)) == v->value;
@@ -285,6 +305,7 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Choice
         wide = wide || is_wide(headers[i]->dtype);
         small = small && small_type(headers[i]->dtype);
     }
+    integers = integers || choice.mask;
     choice.integers = integers && is_integer(choice.type);
     // A root in float64, rounded to float32, is that in float32: 53 >= 2 * 24 + 2 digits.
     if (stored && choice.integers && wide && whole)
@@ -381,7 +402,9 @@ void Arithmetic::keep(std::span<ConstView const> inputs, AnyView out, Execution 
         nowhere.number[0] = 0;
         nowhere.whole[0] = 0;
         nowhere.map[0] = {};
-        return arithmetic(nowhere, inputs, out, counts_, execution);
+        std::vector<ConstView> operands(inputs.begin(), inputs.end());
+        operands[0] = operands.back(); // whatever it is: the mask may be of floats where all else is of integers
+        return arithmetic(nowhere, operands, out, counts_, execution);
     }
     if (inputs[0].type == out.type)
         copy_region(inputs[0], out, execution);
@@ -406,7 +429,15 @@ void Arithmetic::compute(std::span<ConstView const> inputs, AnyView out, Executi
         return arithmetic_settled(op, choice_.algorithm == Algorithm::in_float, operand[0], operand[1], out, counts_,
                                   execution);
     }
-    arithmetic(task(), inputs, out, counts_, execution);
+    if (!choice_.mask) return arithmetic(task(), inputs, out, counts_, execution);
+    // 1 where the mask is not 0, in the place of the result.
+    ArithmeticTask is_set;
+    is_set.op = ArithmeticOp::ne;
+    is_set.map[0] = *choice_.mask;
+    arithmetic(is_set, inputs.first(1), out, counts_, execution);
+    std::vector<ConstView> operands(inputs.begin(), inputs.end());
+    operands[0] = out;
+    arithmetic(task(), operands, out, counts_, execution);
 }
 
 ArithmeticTask Arithmetic::task() const {

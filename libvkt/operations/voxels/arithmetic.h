@@ -108,12 +108,15 @@ private:
         std::vector<std::optional<Number>> numbers; ///< of each operand, none for a volume
         std::array<ValueMap, 3> maps{};             ///< from stored operands to what is computed with
         ValueMap map_out;                           ///< … and back
+        /// Of where: the mask is made 0 and 1 first, of what it means, since all else is computed in integers.
+        std::optional<ValueMap> mask;
         bool integers = false;
         bool settles = false; ///< results are computed once more, exactly, where that may round twice
     };
     Choice choice(std::span<Header const> inputs) const;
     void choose_type(std::vector<Header const*> const& headers, Choice& choice) const;
     void choose_values(std::vector<Header const*> const& headers, Choice& choice) const;
+    bool is_exact_choice(std::vector<Header const*> const& headers, Choice const& choice) const;
     bool rounds_twice(Choice const& choice, Operand const& u, Operand const& v) const;
     /// Voxels outside of the region.
     void keep(std::span<ConstView const> inputs, AnyView out, Execution const& execution);

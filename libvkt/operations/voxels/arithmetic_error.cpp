@@ -63,6 +63,7 @@ void Arithmetic::pass(std::span<Header const> inputs, Choice const& choice, Plan
         }
         Header const& in = inputs[next++];
         terms.push_back({values_of(in), in.error.at_most, true});
+        if (choice.mask && next == 1) continue; // looked at by itself
         mapped = mapped || !(in.values == ValueMap{});
         whole = whole && is_integer(in.dtype);
     }

@@ -2,17 +2,24 @@
 # SPDX-License-Identifier: MIT
 import functools
 import re
+import shlex
 
 from . import _operations
 
 _FLAGS = {"force", "force-uniform", "trust-paths", "no-checksum", "no-history", "personal"}  # of reading and writing
 _OPTION = re.compile(r"(\W*?)--([a-z][a-z0-9-]*)(?:=([^\s;]*?))?([;,.:?)'\"]*)")
+_WORD = r"(?:'[^']*'|\\.|[^\s'\\])+"
+_READ = re.compile(rf"vkt read ({_WORD}) --([a-z-]+)(?: ({_WORD}))? \| \.\.\.")  # as files and names are quoted for a shell
 _ENDED = re.compile(r"(.*?)([;,.?)'\"]*)")
 
 
 def in_python(hint):
     """--force is force=True, --method nearest is method="nearest", --dtype is dtype=, vkt resample --like FIRST is
-    vkt.resample(like=FIRST)."""
+    vkt.resample(like=FIRST), vkt read FILE --variable NAME | ... is vkt.read("FILE", variable="NAME")."""
+    if found := _READ.search(hint):
+        file, name, value = found.groups()
+        option = f"{_name(name)}=" + ("True" if value is None else _quoted(value))
+        return in_python(hint[:found.start()]) + f"vkt.read({_quoted(file)}, {option})" + in_python(hint[found.end():])
     words, said = hint.replace("vkt_series_open()", "vkt.read_series()").split(" "), []
     while words:
         call = _call(words)
@@ -23,6 +30,12 @@ def in_python(hint):
         else:  # also in the middle of a word, "--first/--last"
             said.append(re.sub(r"--([a-z][a-z0-9-]*)", lambda found: _name(found[1]) + "=", words.pop(0)))
     return " ".join(said)
+
+
+def _quoted(word):
+    """What a shell makes of a word, as Python writes it."""
+    text = "".join(shlex.split(word)).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{text}"'
 
 
 def _name(option):
@@ -63,7 +76,8 @@ def _option(words, flags):
         return before, f"{_name(name)}=True", after
     while words and not after and value is None:
         word, end = _ENDED.fullmatch(words[0]).groups()
-        if not _is_value(word) or (values and not re.fullmatch(r"[A-Z]|\d+", word)):
+        named = name == "variable" and not values  # names are any words
+        if not (named or _is_value(word)) or (values and not re.fullmatch(r"[A-Z]|\d+", word)):
             break
         values.append(word)
         after = end

@@ -52,7 +52,7 @@ class Volume:
     A masked array is refused where something is masked: array.filled(value) says what that is to be.
 
     numpy.asarray(volume) and numpy.from_dlpack(volume), or that of any package for memory of the host, show the voxels in
-    place. Volumes can be pickled, with geometry, value map, attributes and history.
+    place. Volumes can be pickled, with geometry, value map, attributes, history and report.
 
     Arrays of a GPU, of CuPy, PyTorch, Numba, JAX, are taken as well: the voxels stay there, and operations on a GPU
     (device="gpu", or vkt.policy) leave their results there. Such volumes have __cuda_array_interface__ and hand DLPack the
@@ -126,10 +126,10 @@ class Volume:
         header = text_of(library.vkt_header, self._handle)
         if self.hierarchical:
             from ._stream import stream_bytes
-            return _from_stream, (stream_bytes(self),)
+            return _from_stream, (stream_bytes(self), self._reported())
         # From protocol 5 on whoever pickles may take the voxels without a copy.
         array = self.array
-        return _from_voxels, (header, pickle.PickleBuffer(array) if protocol >= 5 else array.tobytes())
+        return _from_voxels, (header, pickle.PickleBuffer(array) if protocol >= 5 else array.tobytes(), self._reported())
 
     def __repr__(self) -> str:
         dims = " x ".join(str(n) for n in self.dims)
@@ -258,8 +258,12 @@ class Volume:
     def report(self) -> "dict[str, Any] | None":
         """What the operation that made this volume reported: a dict of the sizes that "label" found, of the threshold
         that "threshold" with otsu=True found. None if there is nothing to report."""
-        text = library.vkt_report(self._handle).decode()
+        text = self._reported()
         return json.loads(text) if text else None
+
+    def _reported(self):
+        kept = getattr(self, "_report", None)  # of a pickle; the library has it of operations only
+        return library.vkt_report(self._handle).decode() if kept is None else kept
 
     def stats(self, **options: Any) -> "dict[str, Any]":
         """Count, extremes, mean and so on: apply("stats", **options) of this volume. None is not a number."""
@@ -302,15 +306,19 @@ def _three(name, value):
     raise Error(f"{name} is three numbers, for x, y and z, and these are {numbers.size}", 2)
 
 
-def _from_voxels(header, voxels):
+def _from_voxels(header, voxels, report=None):
     """A volume again of what __reduce_ex__ gave; its voxels are those of the pickle."""
     array = np.frombuffer(voxels, np.dtype(json.loads(header)["dtype"]))
-    return Volume._of(_create(header, array, array.flags.aligned))
+    volume = Volume._of(_create(header, array, array.flags.aligned))
+    volume._report = report
+    return volume
 
 
-def _from_stream(data):
+def _from_stream(data, report=None):
     from ._stream import volume_of
-    return volume_of(data)
+    volume = volume_of(data)
+    volume._report = report
+    return volume
 
 
 def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:

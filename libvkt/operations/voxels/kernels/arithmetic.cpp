@@ -73,7 +73,7 @@ template <class C> struct Operands {
                         : third == 0 ? v0
                                      : v1);
     }
-    VKT_HD C operator()(C v0, C v1, C v2) const { return evaluate(v0, v1, v2); }
+    VKT_HD C operator()(C v0, C v1, C v2) const { return evaluate(first == 0 ? v0 : a, v1, v2); }
 
     /// Whether pack() may be called: operations whose code is short, of volumes in their usual places.
     VKT_HD bool takes_packs() const {
