@@ -123,7 +123,7 @@ EOF2
     [ "${VKT_LONG:-}" = 1 ] || skip "compiles everything again: VKT_LONG=1"
     with_peer scikit_build_core
     PIP_NO_INDEX=1 /usr/bin/python3 -m pip install --quiet --no-build-isolation --no-deps --target installed \
-        --config-settings=build-dir="$BATS_TEST_TMPDIR/build" "$VKT_ROOT"
+        --config-settings=build-dir="$BATS_TEST_TMPDIR/build" "$VKT_ROOT/libvkt/python"
     [ -d installed/vkt-*.dist-info ]
     self_contained installed
     env -i PATH=/usr/bin PYTHONPATH="$PWD/installed" /usr/bin/python3 -W error -c '

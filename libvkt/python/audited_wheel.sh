@@ -14,13 +14,13 @@ if [ $# -lt 1 ] || [ $# -gt 2 ]; then
     exit 2
 fi
 out=$1
-root=$(cd "$(dirname "$0")/../.." && pwd)
+here=$(cd "$(dirname "$0")" && pwd)
 python=${PYTHON:-python3}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 wheel=${2:-}
 if [ -z "$wheel" ]; then
-    "$python" -m pip wheel --quiet --no-deps --wheel-dir "$work" "$root"
+    "$python" -m pip wheel --quiet --no-deps --wheel-dir "$work" "$here"
     wheel=$(echo "$work"/*.whl)
 fi
 "$python" -m auditwheel repair --wheel-dir "$out" "$wheel"
