@@ -444,8 +444,8 @@ refused resample wide.vkt --method basis
 refused resample wide.vkt --method auto
 
 # Trees that stay trees: cells as they come, and near others; in groups of bricks that a budget makes small, too.
-"$vkt" make amr --blocks 2000 --levels 5 | "$vkt" convert --range minmax --dtype uint16 -q -o levels.vkt
-for tree in tree.vkt wide.vkt whole.vkt levels.vkt; do
+"$vkt" make amr --blocks 2000 --levels 5 | "$vkt" convert --range minmax --dtype uint16 -q -o nested.vkt
+for tree in tree.vkt wide.vkt whole.vkt nested.vkt; do
     for command in 'convert --dtype uint8' 'convert --dtype int16 --range minmax' 'convert --dtype auto' \
         'convert --dtype uint8 --range p5:p95' 'arith mul - 3' 'arith gt - 0.5' "arith absdiff - $work/$tree" \
         'transform v*x+y-z' 'transform v*2+1' 'fill --value 7 --roi 3:40,5:,:20' 'threshold --otsu' 'threshold --above 0.5' \
