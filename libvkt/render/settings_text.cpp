@@ -97,7 +97,7 @@ std::string quality_text(RenderReport const& r, Goal const& goal) {
         parts.push_back(text(paths ? "noise " : "error ", two_digits(q.error), " of 255 levels, in the worst ",
                              paths ? "tile " : "pixel ", two_digits(q.worst), asked));
     if (q.above > 0 && (goal.noise > 0 || goal.tolerance > 0))
-        parts.push_back(text(q.above, paths ? " tiles above" : " pixels above"));
+        parts.push_back(text(q.above, paths ? " tile" : " pixel", q.above == 1 ? "" : "s", " above"));
     if (goal.any() || (q.stopped && paths))
         parts.push_back(text(std::round(q.rays * 10) / 10, paths ? " paths" : " rays", " a pixel"));
     // Pictures that ended by themselves are the same whenever they are drawn, and say nothing that is not.
