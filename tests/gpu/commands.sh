@@ -51,8 +51,8 @@ fi
 END
 compare_all() {
     [ -s comparisons ] || return 0
-    tr '\n' '\0' <comparisons | xargs -0 -n 1 -P 8 sh compare.sh "$vkt" "$gpu" >results
-    cat results
+    # Told as they are found: what a limit of time ends has been told until then.
+    tr '\n' '\0' <comparisons | xargs -0 -n 1 -P "$(nproc)" sh compare.sh "$vkt" "$gpu" | tee results
     checked=$((checked + $(wc -l <comparisons)))
     failed=$((failed + $(grep -c '^FAILED' results || true)))
     : >comparisons
