@@ -210,7 +210,7 @@ private:
 } // namespace
 
 void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& execution, StageTimes* times) {
-    Execution const on = where_scanned(operation, execution);
+    Execution const on = where_scanned(operation, bricks.header(), execution);
     GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, on);
     std::size_t const all = bricks.bricks().size();
     for (std::size_t first = 0, n = 0; first < all; first += n) {

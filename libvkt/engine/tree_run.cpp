@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/tree_work.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
@@ -149,8 +150,8 @@ Execution where_run(Operation const& operation, Execution execution) {
     return execution;
 }
 
-Execution where_scanned(Operation const& operation, Execution execution) {
-    if (execution.device == Device::gpu && !operation.scans_on_gpu()) {
+Execution where_scanned(Operation const& operation, Header const& tree, Execution execution) {
+    if (execution.device == Device::gpu && (!operation.scans_on_gpu() || stored_background(tree))) {
         if (execution.only_gpu) refuse_cpu(text("the look at all cells that ", operation.name(), " takes first"));
         execution.device = Device::cpu;
     }

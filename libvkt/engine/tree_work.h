@@ -48,8 +48,8 @@ Execution execution_for(Box const& box, Execution const& execution);
 /// Where cells are worked on: on the GPU if that is asked for and the operation, which has begun, runs there. Throws
 /// Error{usage} if nothing else would do.
 Execution where_run(Operation const& operation, Execution execution);
-/// The same of scans.
-Execution where_scanned(Operation const& operation, Execution execution);
+/// The same of scans of a tree; cells of a background are left out on the host.
+Execution where_scanned(Operation const& operation, Header const& tree, Execution execution);
 
 /// Bytes of cells that are worked on at once, unless a brick has more.
 std::size_t group_limit(Execution const& execution);

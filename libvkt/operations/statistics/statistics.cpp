@@ -246,10 +246,12 @@ Index3 Statistics::finest_cell(Index3 cell) const {
 void Statistics::merge_extremes(ConstView slab, Range const& range) {
     if (!range.valid) return;
     bool const integer = is_integer(input_.dtype);
+    HostCopy copy;
     auto const locate = [&](Extreme& extreme) {
         Index3 at = slab.box.lower;
+        ConstView const cells = copy.of(slab);
         for (; at.z < slab.box.upper.z; ++at.z) {
-            Index3 const found = find(slab, at, extreme);
+            Index3 const found = find(cells, at, extreme);
             if (found.y == slab.box.upper.y) continue; // not in this slice
             extreme.where = finest_cell(found);
             return;
