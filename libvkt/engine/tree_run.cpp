@@ -152,7 +152,9 @@ Execution where_run(Operation const& operation, Execution execution) {
 
 Execution where_scanned(Operation const& operation, Header const& tree, Execution execution) {
     if (execution.device == Device::gpu && (!operation.scans_on_gpu() || stored_background(tree))) {
-        if (execution.only_gpu) refuse_cpu(text("the look at all cells that ", operation.name(), " takes first"));
+        if (execution.only_gpu)
+            refuse_cpu(text("the look that ", operation.name(), " takes at all cells",
+                            stored_background(tree) ? " but those of a background" : ""));
         execution.device = Device::cpu;
     }
     return where_run(operation, std::move(execution));
