@@ -388,7 +388,8 @@ END
     vkt make noise --dims 9 8 7 | vkt threshold --otsu -o mask.nii
     for out in l.nii.gz ./l.hdr; do
         fails_with 2 'would be read as that' vkt label mask.nii --report l.json -o $out
-        [ ! -e l.json ] && [ ! -e $out ]
+        [ ! -e l.json ]
+        [ ! -e $out ]
     done
     vkt label mask.nii --report l_report.json -o l.nii.gz
     vkt label mask.nii --report n.json -o n.nrrd
