@@ -112,7 +112,7 @@ template <class T, class C> T rounded_cell(C value) {
         constexpr float whole = 0x1.8p23F;
         float const inside = value > low ? (value < high ? value : high) : low;
         T const rounded = static_cast<T>((inside + whole) - whole);
-        return value == value ? rounded : T{0};
+        return value == value ? rounded : T{0}; // NOLINT(misc-redundant-expression): NaN
     } else {
         return store_cell<T>(value);
     }
