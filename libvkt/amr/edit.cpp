@@ -4,7 +4,6 @@
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/reconstruct.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -158,7 +157,7 @@ BrickSequence moved_tree(BrickSequence input, Header header, std::vector<Brick> 
         std::move(header), std::move(bricks),
         [source, move = std::move(move), execution](std::size_t first, std::size_t count, std::byte* to) {
             bool const on_gpu = execution.device == Device::gpu;
-            if (on_gpu) device_select(execution.gpu); // every thread chooses for itself
+            select_gpu(execution);
             DataType const type = source->header().dtype;
             std::byte const* const from = source->cells(first, count, execution.space());
             std::vector<std::size_t> offsets;

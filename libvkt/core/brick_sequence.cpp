@@ -5,7 +5,6 @@
 #include "libvkt/core/device.h"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 namespace vkt {
@@ -71,14 +70,7 @@ void BrickSequence::read(std::size_t first, std::size_t count, std::byte* to, Sp
     std::size_t const bytes = bytes_of(first, count);
     Space const comes = this->space();
     std::byte const* const from = cells(first, count, comes);
-    if (comes == Space::host && space == Space::host)
-        std::memcpy(to, from, bytes);
-    else if (comes == space)
-        copy_on_device(to, from, bytes);
-    else if (space == Space::device)
-        copy_to_device(to, from, bytes);
-    else
-        copy_to_host(to, from, bytes);
+    copy_between(to, space, from, comes, bytes);
 }
 
 Volume BrickSequence::whole() && {

@@ -5,11 +5,12 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <cstring>
+
 #ifdef VKT_CUDA
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <cuda_runtime_api.h>
 #include <mutex>
 #include <omp.h>
@@ -240,5 +241,16 @@ void device_synchronize() {}
 void check_launch(char const*) { throw_without_cuda(); }
 
 #endif
+
+void copy_between(void* to, Space to_space, void const* from, Space from_space, std::size_t bytes) {
+    if (to_space == Space::host && from_space == Space::host)
+        std::memcpy(to, from, bytes);
+    else if (to_space == from_space)
+        copy_on_device(to, from, bytes);
+    else if (to_space == Space::device)
+        copy_to_device(to, from, bytes);
+    else
+        copy_to_host(to, from, bytes);
+}
 
 } // namespace vkt

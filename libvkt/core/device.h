@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/view.h"
+
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -40,6 +42,8 @@ void device_free(std::byte* data, int device = -1) noexcept;
 void copy_to_device(void* device, void const* host, std::size_t bytes);
 void copy_to_host(void* host, void const* device, std::size_t bytes);
 void copy_on_device(void* to, void const* from, std::size_t bytes);
+/// Any of these, or memcpy.
+void copy_between(void* to, Space to_space, void const* from, Space from_space, std::size_t bytes);
 void device_clear(void* device, std::size_t bytes); ///< zeroes, in stream order
 /// Waits for all work and throws Error{resources} with CUDA's reason if any of it failed.
 void device_synchronize();

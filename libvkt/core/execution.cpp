@@ -123,6 +123,10 @@ Execution default_execution() {
     return execution;
 }
 
+void select_gpu(Execution const& execution) {
+    if (execution.device == Device::gpu) device_select(execution.gpu);
+}
+
 int gpu_count() { return device_count(); }
 
 bool built_with_cuda() {

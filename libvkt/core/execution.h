@@ -44,6 +44,9 @@ int default_threads();
 inline int share_of_threads(int threads) { return threads / 4 > 1 ? threads / 4 : 1; }
 std::size_t default_memory();
 
+/// Makes an execution's GPU the current one of this thread, as each thread has to for itself; nothing where work runs
+/// on the CPU. Throws Error{resources}.
+void select_gpu(Execution const& execution);
 /// Number of usable CUDA devices; 0 without CUDA or driver.
 int gpu_count();
 /// True if the library was built with CUDA.

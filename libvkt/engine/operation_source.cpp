@@ -3,7 +3,6 @@
 #include "libvkt/engine/operation_source.h"
 
 #include "libvkt/core/collect.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/current_volume.h"
@@ -214,7 +213,7 @@ void OperationSource::plan_volume() {
     if (!headers.empty() && plan_.output.kind != headers.front().kind) return change_kind(headers.front());
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
-    if (execution_.device == Device::gpu && !plan_.shift) device_select(execution_.gpu);
+    if (!plan_.shift) select_gpu(execution_);
     auto* const prepared = dynamic_cast<Prepared*>(&operation_);
     if (Operation* const first = prepared != nullptr ? prepared->preparation() : nullptr) {
         inputs_.front()->prepare(*first, requested_, info_);
@@ -298,7 +297,7 @@ void OperationSource::change_kind(Header const& input) {
     Volume whole = load(*inputs_.front(), requested_);
     inputs_used_up_ = true;
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-    if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    select_gpu(execution_);
     made_ = operation_.take_whole(std::move(whole), execution_);
     if (!made_) {
         if (makes_tree) throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/operation_source.h"
 
-#include "libvkt/core/device.h"
 #include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/stopwatch.h"
 #include "libvkt/kernel/border.h"
@@ -178,7 +177,7 @@ void OperationSource::run_uncounted(AnyView out) {
 
 void OperationSource::compute_region(AnyView out) {
     if (out.box.empty()) return;
-    if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
+    select_gpu(execution_);
     std::vector<ConstView> views;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = operation_.footprint(out.box, static_cast<int>(i));

@@ -1,6 +1,5 @@
 // Results that are whole only at the end: made rows by rows, or line pass by line pass, in a spool.
 // SPDX-License-Identifier: MIT
-#include "libvkt/core/device.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/operation_source.h"
@@ -73,7 +72,7 @@ void OperationSource::compute_lines(LinePasses& passes) {
 
 /// One pass over voxels on the host, where it runs; along x from the input.
 void OperationSource::on_lines(AnyView voxels, LinePasses& passes, Axis axis) {
-    if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    select_gpu(execution_);
     ConstView in = dense_view(static_cast<std::byte const*>(nullptr), inputs_.front()->header().dtype, Box{});
     if (axis == Axis::x) {
         Box const inside = intersect(voxels.box, passes.lines());

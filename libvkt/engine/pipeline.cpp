@@ -3,7 +3,6 @@
 #include "libvkt/engine/pipeline.h"
 
 #include "libvkt/core/collect.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
@@ -118,7 +117,7 @@ std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Oper
 Execution where_looked_at(Execution execution, bool on_gpu_already) {
     bool const gpu = execution.device == Device::gpu || (execution.device == Device::automatic && on_gpu_already);
     execution.device = gpu ? Device::gpu : Device::cpu;
-    if (gpu) device_select(execution.gpu);
+    select_gpu(execution);
     return execution;
 }
 

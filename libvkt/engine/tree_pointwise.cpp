@@ -5,7 +5,6 @@
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/ghost.h"
 #include "libvkt/core/collect.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/spool.h"
@@ -180,7 +179,7 @@ public:
 
 private:
     void run(std::size_t first, std::size_t count, std::byte* to) {
-        if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
+        select_gpu(execution_);
         auto const& bricks = inputs_[0].bricks();
         for (std::size_t end = first + count, n = 0; first < end; first += n) {
             n = end - first;

@@ -4,7 +4,6 @@
 
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/collect.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
@@ -142,7 +141,7 @@ std::vector<Header> headers_of(std::vector<BrickSequence> const& inputs) {
 
 Execution where_run(Operation const& operation, Execution execution) {
     if (execution.device == Device::gpu && operation.runs_on_gpu()) {
-        device_select(execution.gpu);
+        select_gpu(execution);
         return execution;
     }
     if (execution.only_gpu) refuse_cpu(text(operation.name(), " of hierarchical volumes as it is asked for here"));
