@@ -168,3 +168,62 @@ END
     run vkt diff <(vkt project median even.nrrd --axis z | vkt convert --dtype float64) exact.nrrd --tolerance 0.4
     [ "$status" -eq 1 ]
 }
+
+@test "bounds of splines count the taps that they leave out: against splines in rational numbers" {
+    cat >splines.py <<'END'
+import random, struct, subprocess, sys
+from fractions import Fraction as F
+from json import loads
+
+random.seed(5)
+beyond = 60  # the filter's pole is 0.27
+formats = {"int": ("i", lambda: random.choice((0, 2**31 - 1, -2**31))), "uchar": ("B", lambda: random.choice((0, 255))),
+           "double": ("d", lambda: random.choice((-4.0, 0.0, 4.0)))}
+for trial in range(12):
+    name = list(formats)[trial % 3]
+    letter, value = formats[name]
+    n, m = random.randint(5, 12), random.randint(13, 29)
+    v = [value() for _ in range(n)]
+    with open("v.nrrd", "wb") as file:
+        file.write(f"NRRD0004\ntype: {name}\ndimension: 3\nsizes: {n} 1 1\nencoding: raw\nendian: little\n\n".encode())
+        file.write(struct.pack(f"<{n}{letter}", *v))
+    limits = f"arith clamp v.nrrd {min(v)} {max(v) or 1}"  # without them nothing is known of the values of floats
+    subprocess.run(f"vkt {limits} | vkt resample --dims {m} 1 1 --method bspline3 --dtype float64 -o r.vkt --force", shell=True, check=True)
+    said = loads(subprocess.run(["vkt", "info", "r.vkt", "--json"], capture_output=True, check=True).stdout)["error"]["at_most"]
+    subprocess.run("vkt write r.vkt r.raw --force -q", shell=True, check=True)
+    got = struct.unpack(f"<{m}d", open("r.raw", "rb").read())
+    # (1 4 1)/6 c = v, with the last voxels going on.
+    size = n + 2 * beyond
+    d = [F(v[min(max(i - beyond, 0), n - 1)]) for i in range(size)]
+    b = [F(5, 6)] + [F(4, 6)] * (size - 2) + [F(5, 6)]
+    for i in range(1, size):
+        w = F(1, 6) / b[i - 1]
+        b[i] -= w / 6
+        d[i] -= w * d[i - 1]
+    c = [F(0)] * size
+    c[-1] = d[-1] / b[-1]
+    for i in range(size - 2, -1, -1):
+        c[i] = (d[i] - c[i + 1] / 6) / b[i]
+    worst = 0
+    for k in range(m):
+        place = F((2 * k + 1) * n - m, 2 * m)
+        i, f = place.__floor__(), place - place.__floor__()
+        w = [(1 - f)**3 / 6, (3 * f**3 - 6 * f**2 + 4) / 6, (-3 * f**3 + 3 * f**2 + 3 * f + 1) / 6, f**3 / 6]
+        exact = sum(w[q] * c[i - 1 + q + beyond] for q in range(4))
+        worst = max(worst, abs(F(got[k]) - exact))
+    assert worst <= F(said), (name, v, m, float(worst), said)
+    assert said < 1e-13 * (max(v) - min(v) + 1), (said, v)
+END
+    /usr/bin/python3 splines.py
+}
+
+@test "clamp under a value map counts how numbers are stored" {
+    vkt make constant --dims 2 2 2 --dtype int64 --value 200000000000000000 | vkt set --slope 0.1 --intercept 3.3 |
+        vkt arith clamp - -1e16 1e16 -o kept.vkt
+    vkt info kept.vkt --json >said.json
+    # The whole number next to (1e16 - 3.3) / slope, and what is stored, 16 apart in double, are 0.9 apart as values.
+    /usr/bin/python3 -c '
+from json import load
+said = load(open("said.json"))["error"]
+assert 0.9 < said["at_most"] < 1000, said'
+}

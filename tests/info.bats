@@ -185,3 +185,9 @@ END
     done
     fails_with 2 "unknown option" vkt info first.nrrd missing.nrrd --nothing
 }
+
+@test "errors of a few subnormal steps are said, too" {
+    vkt make constant --dims 1 4 4 --dtype uint8 | vkt scan | vkt filter sobel --component x | vkt filter box -o tiny.vkt
+    timeout 60 vkt info tiny.vkt | grep -q '^error      within 1.*e-322 of exact$'
+    timeout 60 vkt info tiny.vkt --json | grep -q '"at_most":1.*e-322'
+}

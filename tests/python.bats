@@ -559,3 +559,12 @@ for call in (lambda: vkt.read("volume.nrrd\0.mha"), lambda: volume.write("new.nr
 EOF2
     [ ! -e new.nrrd ]
 }
+
+@test "vkt.write() takes volumes and arrays" {
+    python <<'END'
+vkt.write(volume, "w.nrrd")
+assert np.array_equal(vkt.read("w.nrrd").array, volume.array)
+vkt.write(np.arange(24, dtype=np.uint8).reshape(2, 3, 4), "w.nrrd", force=True)
+assert vkt.read("w.nrrd").array[1, 2, 3] == 23
+END
+}

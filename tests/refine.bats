@@ -309,3 +309,22 @@ import csv
 rows = list(csv.DictReader(open("chart.csv")))
 assert len(rows) > 1 and all(row["bound"] == "" for row in rows), rows'
 }
+
+@test "masks, labels and thin things have no noise, whatever their edges" {
+    vkt make sphere --dims 48 48 48 --radius 15 --dtype uint8 --inside 1 --outside 0 -o mask.nrrd
+    vkt make sphere --dims 48 48 48 --radius 15 --dtype uint8 -o white.nrrd
+    vkt make sphere --dims 64 64 64 --radius 20 --edge coverage -o smooth.nrrd
+    vkt fill <(vkt make constant --dims 40 40 40 --dtype int16) --value 500 --roi 7:9,:,11:12 | vkt fill --value 300 --roi :,20:21,30:31 -o vessels.nrrd
+    for volume in mask white smooth vessels; do
+        vkt refine $volume.nrrd --tolerance noise -o tree.vkt --force 2>said
+        grep -q 'noise 0 ' said
+        vkt resample tree.vkt --scale 1 -q | vkt diff $volume.nrrd
+    done
+    # Noise within a mask is found, and that of air beside a padding, too.
+    for size in 300 0; do
+        vkt arith add <(vkt make noise --dims 64 64 64 --low -90 --high 90 --seed 3) $size |
+            vkt fill --value 0 --roi :,:,:20 -o noisy.nrrd --force
+        vkt refine noisy.nrrd --tolerance noise -o tree.vkt --force 2>said
+        awk '{ for (i = 1; i < NF; ++i) if ($i == "noise") exit !($(i + 1) > 45 && $(i + 1) < 60) }' said
+    done
+}

@@ -236,3 +236,18 @@ times_in() { vkt info "$1" --json | grep -o '"sequence position":"[^"]*"' | cut 
     vkt write part.npz:w -o out.nrrd --force
     fails_with 4 "no such file" vkt write none.npz:w -o out.nrrd --force
 }
+
+@test "ITK's volumes over time lie where ITK has them" {
+    python_has SimpleITK || skip "python3 has no SimpleITK"
+    /usr/bin/python3 - <<'END'
+import subprocess
+import nibabel, numpy as np, SimpleITK as sitk
+image = sitk.GetImageFromArray(np.zeros((5, 7, 9), "i2"))
+image.SetOrigin((1, -2, 3))
+image.SetSpacing((0.5, 0.6, 2))
+sitk.WriteImage(sitk.JoinSeries([image, image, image]), "itk.mha")
+sitk.WriteImage(sitk.ReadImage("itk.mha"), "itk.nii")
+subprocess.run("vkt write itk.mha own.nii", shell=True, check=True, capture_output=True)
+assert np.allclose(nibabel.load("itk.nii").affine, nibabel.load("own.nii").affine), nibabel.load("own.nii").affine
+END
+}

@@ -253,3 +253,15 @@ EOF2
         soon ended "$(cat there)"
     done
 }
+
+@test "what crashes or hangs at every volume is found" {
+    # shellcheck disable=SC2016
+    for fault in 'kill -SEGV $$' 'exit 7' 'sleep 60'; do
+        fake "$fault" 'flip x'
+        run -1 vkt stress 'flip x' --vkt "$PWD/fake" --volume noise-uint8,single --timeout 1
+        [[ "$output" == *crashes* || "$output" == *hangs* ]]
+        [[ "$output" == *"2 runs on 2 volumes: 1 found"* ]]
+    done
+    run -1 vkt stress 'flip x' --vkt "$PWD/nobody" --volume noise-uint8
+    [[ "$output" == *"exit code 127"* ]]
+}

@@ -513,3 +513,45 @@ for name in sorted(glob.glob(base + "banana/*.tif")):
 END
     vkt write "$VKT_DATA/tiff/brain.tiff" b.tif && vkt diff "$VKT_DATA/tiff/brain.tiff" b.tif
 }
+
+@test "files cut anywhere among what describes their pages are no shorter stacks, and lose no words" {
+    python_has tifffile || skip "python3 has no tifffile"
+    /usr/bin/python3 - <<'END'
+import subprocess
+import numpy as np, tifffile
+data = np.random.default_rng(0).integers(0, 60000, (3, 2, 2, 3, 4)).astype("u2")
+tifffile.imwrite("ome.ome.tif", data, metadata={"axes": "TZCYX", "PhysicalSizeX": 0.3, "PhysicalSizeXUnit": "µm"}, photometric="minisblack")
+tifffile.imwrite("big.ome.tif", data, bigtiff=True, metadata={"axes": "TZCYX"}, ome=True, photometric="minisblack")
+tifffile.imwrite("plain.tif", data[0, :, 0].repeat(4, 0), photometric="minisblack", metadata=None)
+cuts = 0
+for name in "ome.ome.tif", "big.ome.tif", "plain.tif":
+    whole = open(name, "rb").read()
+    subprocess.run(["vkt", "info", name], check=True, capture_output=True)
+    # Every place near the ends of directories and of the file, others here and there.
+    places = {*range(len(whole) - 40, len(whole), 3), *range(8, len(whole) - 40, 149)}
+    directory = int.from_bytes(whole[8:16] if whole[2] == 43 else whole[4:8], "little")
+    for _ in range(3):
+        count = int.from_bytes(whole[directory:directory + (8 if whole[2] == 43 else 2)], "little")
+        end = directory + (8 + 20 * count if whole[2] == 43 else 2 + 12 * count)
+        places |= {*range(end - 1, end + (8 if whole[2] == 43 else 4))}
+        directory = int.from_bytes(whole[end:end + (8 if whole[2] == 43 else 4)], "little")
+    for place in sorted(places):
+        open("cut.tif", "wb").write(whole[:place])
+        done = subprocess.run(["vkt", "write", "cut.tif", "out_%d.vkt", "--force"], capture_output=True, text=True)
+        # What was cut off may be what fills up the file.
+        same = done.returncode == 0 and subprocess.run(f"vkt write {name} whole_%d.vkt --force && cat whole_*.vkt | vkt diff - <(cat out_*.vkt) --geometry",
+                                                       shell=True, executable="/bin/bash", capture_output=True).returncode == 0
+        assert same and place > len(whole) - 40 or done.returncode in (3, 4), (name, place, len(whole), done)
+        cuts += 1
+assert cuts > 150, cuts
+END
+}
+
+@test "a value map that ImageJ alone reads is said" {
+    vkt make ramp --dims 4 3 2 --dtype int16 --to 9 | vkt set --slope 0.5 --intercept -3 -o mapped.nrrd
+    vkt convert mapped.nrrd -o mapped.tif 2>said
+    grep -q 'ImageJ alone takes the values of TIFF files as 0.5 \* stored + -3' said
+    vkt diff mapped.nrrd mapped.tif
+    vkt make ramp --dims 4 3 2 --dtype int16 --to 9 -o plain.tif 2>said
+    [ ! -s said ]
+}

@@ -255,7 +255,7 @@ std::string to_sentence(VolumeError const& error, std::string const& units) {
     if (!error.known()) return error.because.empty() ? "unknown" : text("unknown: ", error.because);
     // Two digits that are not below the number, but for what rounding added to it.
     std::string digits;
-    for (double v = error.at_most;; v *= 1.01) {
+    for (double v = error.at_most;; v = std::max(1.01 * v, std::nextafter(v, HUGE_VAL))) { // subnormals stay at 1.01
         digits = two_digits(v);
         if (!(std::strtod(digits.c_str(), nullptr) < error.at_most * (1 - 1e-9))) break;
     }

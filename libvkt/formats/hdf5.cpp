@@ -35,7 +35,8 @@ std::unique_ptr<Source> open_hdf5(std::unique_ptr<ByteSource> bytes, ReadOptions
     if (std::string const other = foreign_format(bytes->peek(64));
         other.find("before 7.3") != std::string::npos || other.find("version 3") != std::string::npos)
         throw Error(ErrorKind::data, text("'", bytes->name(), "' is ", other, ", which is not read"),
-                    "make HDF5 of it: nccopy -k nc4 in.nc out.nc, or in MATLAB: save -v7.3");
+                    other.find("before 7.3") != std::string::npos ? "make HDF5 of it, in MATLAB: save -v7.3"
+                                                                  : "make HDF5 of it: nccopy -k nc4 in.nc out.nc");
     std::shared_ptr<ByteSource const> const file = seekable_bytes(std::move(bytes));
     return parsed_grids("hdf5", what, file, file->size(), own);
 }

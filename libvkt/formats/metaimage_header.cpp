@@ -256,9 +256,10 @@ void Interpreter::read_attributes(Header& volume) const {
         }
         return value;
     };
-    // ITK and MetaIO mean left-posterior-superior coordinates; a file that says how its axes lie there means it, too.
+    // ITK and MetaIO mean left-posterior-superior coordinates; a file that says how its axes lie there means it, too,
+    // and ITK has no words for four axes.
     if (auto const* orientation = find({"AnatomicalOrientation"});
-        orientation && orientation->find('?') == std::string::npos)
+        orientation && (orientation->find('?') == std::string::npos || *orientation == "????"))
         attributes["space"] = "left-posterior-superior";
     if (std::string const space = take("VktSpace"); !space.empty()) attributes["space"] = space;
     if (auto const* unit = find({"DistanceUnits"}); unit && *unit != "?")

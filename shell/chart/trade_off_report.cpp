@@ -56,6 +56,8 @@ void TradeOffGoal::check() const {
 TradeOffPoint const* TradeOffGoal::choose(TradeOff const& found) const {
     TradeOffPoint const* best = nullptr;
     double limit = 0;
+    bool const all = found.part == box_of(found.whole);
+    if (within && !all && !(found.range() > 0)) return nullptr; // nothing happens there
     if (within) {
         limit = within->within(found.range());
     } else if (!seconds) {
@@ -73,7 +75,9 @@ TradeOffPoint const* TradeOffGoal::choose(TradeOff const& found) const {
 }
 
 std::string TradeOffGoal::purpose(TradeOff const& found) const {
-    if (within) return text("fastest within ", short_number(within->within(found.range())));
+    if (within)
+        return text("fastest within ", short_number(within->within(found.range())),
+                    found.part == box_of(found.whole) ? "" : " in the part that was measured");
     if (seconds) return text("most exact in ", *seconds, " s");
     return "fastest that keeps what the given setting promises";
 }

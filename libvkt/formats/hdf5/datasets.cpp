@@ -37,7 +37,10 @@ std::string real_name(std::string const& path) {
 } // namespace
 
 Datasets::Datasets(std::string path) : path_(std::move(path)), file_(open_file(path_)), home_(real_name(path_)) {
-    if (!file_) fail("damaged: HDF5 cannot open it");
+    if (file_) return;
+    bool const matlab = path_.ends_with(".mat");
+    fail(matlab ? "HDF5 cannot open it: damaged, or a MATLAB file before 7.3" : "damaged: HDF5 cannot open it",
+         matlab ? "in MATLAB: save -v7.3" : "");
 }
 
 Datasets::Datasets(std::string path, Handle file) : path_(std::move(path)), file_(std::move(file)) {}

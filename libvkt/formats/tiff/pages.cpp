@@ -16,7 +16,9 @@
 #include <map>
 #include <string_view>
 #include <utility>
+#include <vector>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace vkt::tiff {
@@ -62,30 +64,73 @@ void find_voxels(TIFF* tiff, Page& page) {
     page.end = next;
 }
 
+/// A page's directory as it lies in the file: libtiff drops what it cannot read of it, or does not know.
+class Directory {
+public:
+    struct Entry {
+        std::uint64_t tag, type, count;
+        unsigned char const* value; ///< or where it lies
+    };
+
+    Directory(TIFF* tiff, std::uint64_t offset)
+        : file_(TIFFFileno(tiff)), big_endian_(TIFFIsBigEndian(tiff) != 0), big_(TIFFIsBigTIFF(tiff) != 0) {
+        std::size_t const word = big_ ? 8 : 4, head = big_ ? 8 : 2;
+        std::array<unsigned char, 8> count{};
+        whole_ = read(offset, count.data(), head);
+        bytes_.resize(std::min<std::size_t>(whole_ ? number(count.data(), head) : 0, 65535) * entry_bytes() + word);
+        whole_ = whole_ && read(offset + head, bytes_.data(), bytes_.size()); // with the place of the next one
+    }
+
+    std::size_t size() const { return whole_ ? bytes_.size() / entry_bytes() : 0; }
+    Entry entry(std::size_t i) const {
+        unsigned char const* const at = bytes_.data() + i * entry_bytes();
+        return {number(at, 2), number(at + 2, 2), number(at + 4, big_ ? 8 : 4), at + (big_ ? 12 : 8)};
+    }
+    std::uint64_t number(unsigned char const* bytes, std::size_t n) const {
+        std::uint64_t value = 0;
+        for (std::size_t i = 0; i < n; ++i) value = value << 8 | bytes[big_endian_ ? i : n - 1 - i];
+        return value;
+    }
+    /// False if it, or a value of the standard's tags or ImageJ's, goes on beyond the end of the file.
+    bool is_whole() const {
+        struct stat status {};
+        if (!whole_ || ::fstat(file_, &status) != 0) return false;
+        auto const end = static_cast<std::uint64_t>(status.st_size);
+        constexpr std::array<std::uint64_t, 19> sizes{0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8};
+        constexpr std::uint64_t first_private = 32768, image_j = 50838;
+        for (std::size_t i = 0; i < size(); ++i) {
+            Entry const e = entry(i);
+            bool const known = e.tag < first_private || e.tag == image_j || e.tag == image_j + 1;
+            std::uint64_t const one = e.type < sizes.size() ? sizes[e.type] : 0, word = big_ ? 8 : 4;
+            if (!known || one == 0 || e.count <= word / one) continue;
+            std::uint64_t const begin = number(e.value, word);
+            if (e.count > end / one || begin > end - e.count * one) return false;
+        }
+        return true;
+    }
+
+private:
+    std::size_t entry_bytes() const { return big_ ? 20 : 12; }
+    bool read(std::uint64_t offset, unsigned char* to, std::size_t n) const {
+        return ::pread(file_, to, n, static_cast<off_t>(offset)) == static_cast<ssize_t>(n);
+    }
+
+    int file_;
+    bool big_endian_, big_, whole_ = false;
+    std::vector<unsigned char> bytes_;
+};
+
 /// The Predictor that a page's directory states, 1 if none. libtiff knows the tag only with compressions that have one,
 /// and drops it with all others, so that the entry is read here.
 std::uint16_t predictor_of(TIFF* tiff, Page const& page) {
     TIFFField const* const field = TIFFFindField(tiff, TIFFTAG_PREDICTOR, TIFF_ANY);
     if (field == nullptr || TIFFFieldIsAnonymous(field) == 0) return PREDICTOR_NONE; // not there, or undone by libtiff
-    bool const big_endian = TIFFIsBigEndian(tiff) != 0, big = TIFFIsBigTIFF(tiff) != 0;
-    auto const number = [big_endian](unsigned char const* bytes, std::size_t n) {
-        std::uint64_t value = 0;
-        for (std::size_t i = 0; i < n; ++i) value = value << 8 | bytes[big_endian ? i : n - 1 - i];
-        return value;
-    };
-    auto const read = [&](std::uint64_t offset, unsigned char* to, std::size_t n) {
-        return ::pread(TIFFFileno(tiff), to, n, static_cast<off_t>(offset)) == static_cast<ssize_t>(n);
-    };
-    std::array<unsigned char, 20> entry{};
-    std::size_t const count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12;
-    if (!read(page.offset, entry.data(), count_bytes)) return PREDICTOR_NONE;
-    std::uint64_t const entries = std::min<std::uint64_t>(number(entry.data(), count_bytes), 65535);
-    for (std::uint64_t i = 0; i < entries; ++i) {
-        if (!read(page.offset + count_bytes + i * entry_bytes, entry.data(), entry_bytes)) break;
-        if (number(entry.data(), 2) != TIFFTAG_PREDICTOR) continue;
-        std::uint64_t const type = number(entry.data() + 2, 2);
-        std::size_t const bytes = type == TIFF_BYTE ? 1 : type == TIFF_LONG ? 4 : 2;
-        auto const stated = static_cast<std::uint16_t>(number(entry.data() + (big ? 12 : 8), bytes));
+    Directory const directory(tiff, page.offset);
+    for (std::size_t i = 0; i < directory.size(); ++i) {
+        Directory::Entry const e = directory.entry(i);
+        if (e.tag != TIFFTAG_PREDICTOR) continue;
+        std::size_t const bytes = e.type == TIFF_BYTE ? 1 : e.type == TIFF_LONG ? 4 : 2;
+        auto const stated = static_cast<std::uint16_t>(directory.number(e.value, bytes));
         return stated == 0 ? std::uint16_t{PREDICTOR_NONE} : stated;
     }
     return PREDICTOR_NONE;
@@ -175,6 +220,8 @@ void Pages::read_pages() {
         if (++number > most_pages) fail(text("it has more than ", most_pages, " pages"));
         every_.push_back(page_here());
         if (every_.back().width == 0 || every_.back().height == 0) fail(text("page ", number - 1, " has no extent"));
+        if (!Directory(tiff_, every_.back().offset).is_whole())
+            fail(text("ended early: what describes page ", number - 1, " goes on beyond the end of the file"));
     } while (next_page(number));
 }
 

@@ -311,6 +311,10 @@ void TiffWriter::close() {
     series_.finish();
     axes_ = series_.axes();
     first_ = series_.header();
+    if (first_.values != ValueMap{} && notice_)
+        notice_(text("ImageJ alone takes the values of TIFF files as ", first_.values.slope, " * stored + ",
+                     first_.values.intercept, ", which is meant, others as they are stored; to store what is meant: vkt ",
+                     "convert --dtype float32"));
     if (!series_.differing().empty() && notice_)
         notice_(text("one TIFF file does not hold attributes that differ between its volumes (",
                      join(series_.differing(), ", "), "): not kept"));

@@ -48,7 +48,8 @@ double Clahe::clip() const {
     return clip_.value_or(rule_ == ClipRule::skimage ? 0.01 : rule_ == ClipRule::volkit ? 0.85 : 2);
 }
 
-std::vector<Knob> Clahe::knobs() const { return {{"bins", {"64", "128", "256", "1024", "4096"}, "65536", false}}; }
+/// No number of bins is the most exact: the limit is one of each bin, and cuts all of very many.
+std::vector<Knob> Clahe::knobs() const { return {{"bins", {"64", "128", "256", "1024", "4096"}, "", false}}; }
 
 void Clahe::check() const {
     if (!(clip() > 0)) throw Error(ErrorKind::usage, text("--clip ", clip(), " is not above 0"), "inf limits nothing");

@@ -371,6 +371,8 @@ ErrorBound Resample::error_of(Header const& input, Layout const& layout) const {
     error.magnitude = gain * ((rows + columns + 12) * 0x1p-53 + storing_error(output.dtype));
     error.absolute = slope * rows * columns * tables[0].divisor() * 0x1p-1070 +
                      std::abs(output.values.slope) * storing_floor(output.dtype);
+    // What splines leave out sums to 0 along each axis, so that half of it meets the lowest value, half the highest.
+    for (auto const& table : tables) error.range += 0.5 * table.cut() * gain / table.gain();
     if (!layout.same_map()) {
         error.magnitude += gain * 4 * 0x1p-53;
         error.absolute += (4 * 0x1p-53 + storing_error(output.dtype)) *

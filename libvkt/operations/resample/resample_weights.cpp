@@ -70,6 +70,11 @@ long double sinc(long double t) {
     return t == 0 ? 1 : std::sin(pi * t) / (pi * t);
 }
 
+SplinePrefilter const& prefilter(int degree) {
+    static SplinePrefilter const cubic(3, 1e-13), quintic(5, 1e-13);
+    return degree == 3 ? cubic : quintic;
+}
+
 /// The weights of an interpolant at a position `fraction` beyond the input voxel `whole`, of a grid whose voxels are
 /// `width` input voxels apart. Wider kernels average what falls between the new voxels: convolution kernels are
 /// stretched, splines are sampled several times.
@@ -85,8 +90,7 @@ Line smooth_line(ResampleKernel kernel, std::int64_t whole, long double fraction
     if (kernel == ResampleKernel::bspline3 || kernel == ResampleKernel::bspline5) {
         int const degree = kernel == ResampleKernel::bspline3 ? 3 : 5;
         auto const samples = static_cast<std::int64_t>(std::max(1.0L, std::ceil(width - 1e-6L)));
-        static SplinePrefilter const cubic(3, 1e-13), quintic(5, 1e-13);
-        SplinePrefilter const& filter = degree == 3 ? cubic : quintic;
+        SplinePrefilter const& filter = prefilter(degree);
         std::int64_t const reach = static_cast<std::int64_t>(width) + 2 + filter.radius + degree;
         std::vector<long double> weights(static_cast<std::size_t>(2 * reach + 1), 0.0L);
         for (std::int64_t s = 0; s < samples; ++s) {
@@ -267,6 +271,8 @@ template <class LineAt>
 void WeightTable::build(std::int64_t n_in, std::int64_t n_out, Boundary boundary, LineAt const& line_at) {
     std::vector<std::int64_t> first, start{0};
     std::vector<double> weights, inside;
+    if (kernel_ == ResampleKernel::bspline3) cut_ = prefilter(3).cut;
+    if (kernel_ == ResampleKernel::bspline5) cut_ = prefilter(5).cut;
     first.reserve(static_cast<std::size_t>(n_out));
     for (std::int64_t o = 0; o < n_out; ++o) {
         Line line = line_at(o);

@@ -57,6 +57,8 @@ public:
     /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 where all
     /// are positive.
     double gain() const { return gain_; }
+    /// Sum of |weights| that a spline's taps differ by from those of the infinite filter; 0 for other kernels.
+    double cut() const { return cut_; }
     /// True if some weights fall on a constant border: AxisTable::inside says how much stays in the volume.
     bool leaves_out() const { return leaves_out_; }
     /// False for an output all of whose weights fall on a constant border.
@@ -82,7 +84,7 @@ private:
 
     ResampleKernel kernel_ = ResampleKernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
-    double divisor_ = 1, gain_ = 1, step_ = 1;
+    double divisor_ = 1, gain_ = 1, step_ = 1, cut_ = 0;
     int halving_ = 0;
     bool leaves_out_ = false;                       ///< taps beyond the ends
     std::vector<std::int64_t> first_from_, end_to_; ///< of every output, see footprint_forward()

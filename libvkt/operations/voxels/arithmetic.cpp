@@ -370,6 +370,11 @@ Plan Arithmetic::plan(std::span<Header const> inputs) const {
     } else if (!(choice.maps == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, if none cancel
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
+    } else if ((op == ArithmeticOp::clamp || op == ArithmeticOp::where) && !(choice.values == ValueMap{}) &&
+               (choice.numbers[1] || choice.numbers[2])) { // numbers as they are stored, to the last bits of double
+        plan.error.kind = ErrorBound::Kind::bound;
+        plan.error.magnitude = 4 * 0x1p-53;
+        plan.error.absolute = 4 * 0x1p-53 * std::abs(choice.values.intercept);
     }
     pass(inputs, choice, plan);
     return plan;

@@ -22,7 +22,7 @@ from ._policy import policy
 from ._series import Series, read_series, write_series
 from ._stream import read_stream, write_stream
 from ._surface import Surface, surface
-from ._volume import Volume, from_dlpack, read
+from ._volume import Volume, from_dlpack, read, write
 from ._xarray import from_xarray, to_xarray
 
 for _public in Error, Series, Surface, Volume, policy:  # as messages and pickles name them
@@ -34,4 +34,4 @@ from . import filter, make  # noqa: E402
 __all__ = ["Error", "Series", "Surface", "Volume", "apply", "brick", "command", "filter", "from_dlpack", "from_xarray",
            "image_diff", "image_join", "image_mean", "make", "merge", "operations", "policy", "read", "read_series",
            "read_stream", "render", "slim", "split", "stack", "surface", "to_xarray", "transform", "trim", "view",
-           "write_series", "write_stream"]
+           "write", "write_series", "write_stream"]

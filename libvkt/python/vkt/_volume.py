@@ -331,6 +331,11 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     return Volume._of(handle)
 
 
+def write(volume: Volume, path: "str | os.PathLike[str]", **options: Any) -> None:
+    """volume.write(path, **options); an array becomes a volume before, with the axes z, y, x."""
+    (volume if isinstance(volume, Volume) else Volume(volume)).write(path, **options)
+
+
 def from_dlpack(array: Any, *, copy: bool = False, **geometry: Any) -> Volume:
     """A volume of the memory of an array [z, y, x] of another package, of the host or of a GPU, used in place; it must not
     change as long as the volume and what was made of it exist. With copy=True a copy of it, in whatever order the array
