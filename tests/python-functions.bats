@@ -370,8 +370,8 @@ def known(verb):
     return hasattr(place, words[1]) or hasattr(vkt, "_".join(words)) if len(words) == 2 else place is not None
 others = {verb for verb in open("verbs").read().splitlines() if not known(verb)}
 assert hasattr(volume, "write") and hasattr(vkt, "set")
-# Volume.write and vkt.set; what is about the program itself and the machine; what makes several files or text.
-assert others == {"write", "set-header", "completion", "doctor", "help", "shm list", "shm remove", "stress", "chart", "history", "pipe"}, others
+# vkt.set; what is about the program itself and the machine; what makes several files or text.
+assert others == {"set-header", "completion", "doctor", "help", "shm list", "shm remove", "stress", "chart", "history", "pipe"}, others
 END
 }
 

@@ -550,7 +550,7 @@ END
 @test "a value map that ImageJ alone reads is said" {
     vkt make ramp --dims 4 3 2 --dtype int16 --to 9 | vkt set --slope 0.5 --intercept -3 -o mapped.nrrd
     vkt convert mapped.nrrd -o mapped.tif 2>said
-    grep -q 'ImageJ alone takes the values of TIFF files as 0.5 \* stored + -3' said
+    grep -q 'other programs take the values of TIFF files as they are stored, but for ImageJ, here 0.5 \* stored + -3 is meant' said
     vkt diff mapped.nrrd mapped.tif
     vkt make ramp --dims 4 3 2 --dtype int16 --to 9 -o plain.tif 2>said
     [ ! -s said ]

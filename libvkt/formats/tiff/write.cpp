@@ -312,9 +312,9 @@ void TiffWriter::close() {
     axes_ = series_.axes();
     first_ = series_.header();
     if (first_.values != ValueMap{} && notice_)
-        notice_(text("ImageJ alone takes the values of TIFF files as ", first_.values.slope, " * stored + ",
-                     first_.values.intercept, ", which is meant, others as they are stored; to store what is meant: vkt ",
-                     "convert --dtype float32"));
+        notice_(text("other programs take the values of TIFF files as they are stored, but for ImageJ, here ",
+                     first_.values.slope, " * stored + ", first_.values.intercept,
+                     " is meant; to store what is meant: vkt convert --dtype float32"));
     if (!series_.differing().empty() && notice_)
         notice_(text("one TIFF file does not hold attributes that differ between its volumes (",
                      join(series_.differing(), ", "), "): not kept"));

@@ -272,8 +272,8 @@ void GroupedStatistics::sum(GroupedSlab const& in, Execution const& execution) {
         check_room(region_.dims().x, held_by_x());
     }
     std::vector<std::map<std::int64_t, PartialStatistics>> found(static_cast<std::size_t>(together));
-    for (std::int64_t first = 0; first < blocks; first += together) {
-        std::int64_t const n = std::min(together, blocks - first);
+    for (std::int64_t first = 0, n = 0; first < blocks; first += n) {
+        n = std::min(together, blocks - first);
         std::exception_ptr failure;
         with_type(in.voxels.type, [&]<class T>(T) {
 #pragma omp parallel for num_threads(execution.threads) schedule(dynamic) if (n > 1)
@@ -298,7 +298,11 @@ void GroupedStatistics::sum(GroupedSlab const& in, Execution const& execution) {
             for (auto const& [key, part] : block) result_.groups[key].append(part, input_.dtype);
             block.clear(); // or they were held beside those of the next blocks
         }
-        check_room(std::ssize(result_.groups), held);
+        // Fewer blocks at a time where there is no room for those of all threads.
+        std::int64_t const in_block = by == GroupedBy::x ? region_.dims().x : (held - 1) / n + 1;
+        check_room(std::ssize(result_.groups), in_block);
+        if (by != GroupedBy::x)
+            while (together > 1 && !has_room(std::ssize(result_.groups), together * in_block)) --together;
     }
 }
 

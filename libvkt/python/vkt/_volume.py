@@ -331,7 +331,7 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
     return Volume._of(handle)
 
 
-def write(volume: Volume, path: "str | os.PathLike[str]", **options: Any) -> None:
+def write(volume: "Volume | np.ndarray", path: "str | os.PathLike[str]", **options: Any) -> None:
     """volume.write(path, **options); an array becomes a volume before, with the axes z, y, x."""
     (volume if isinstance(volume, Volume) else Volume(volume)).write(path, **options)
 
