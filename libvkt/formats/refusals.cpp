@@ -35,9 +35,11 @@ void refuse_bricks_and_series(Header const& header, bool& begun, std::string_vie
     refuse_series(begun, file, extension);
 }
 
-void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format) {
+void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format,
+                         std::string_view but_for) {
     if (header.values == ValueMap{} || !options.notice) return;
-    options.notice(text("other programs take the values of ", format, " files as they are stored, here ",
+    options.notice(text("other programs take the values of ", format, " files as they are stored,",
+                        but_for.empty() ? std::string() : text(" but for ", but_for, ","), " here ",
                         header.values.slope, " * stored + ", header.values.intercept,
                         " is meant; to store what is meant: vkt convert --dtype float32"));
 }

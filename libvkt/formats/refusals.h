@@ -32,8 +32,10 @@ std::string part_to_write(std::string const& path, std::string_view what, std::s
 /// takes them where the one that asked has none.
 std::string raw_description(std::string const& name, ReadOptions const& options, std::string_view missing);
 
-/// For formats whose map of values only vkt finds, "NRRD": says so of a header that has one.
-void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format);
+/// For formats whose map of values only vkt finds, "NRRD", and perhaps one other program: says so of a header that has
+/// one.
+void tell_private_values(WriteOptions const& options, Header const& header, std::string_view format,
+                         std::string_view but_for = {});
 
 /// What a format has places for.
 struct Kept {

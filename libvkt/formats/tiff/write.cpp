@@ -14,7 +14,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -95,8 +94,7 @@ std::string in_xml(std::string const& words) {
 
 class TiffWriter : public VolumeWriter {
 public:
-    TiffWriter(std::string const& path, WriteOptions const& options)
-        : file_(path, options.force), compress_(options.compress), notice_(options.notice) {
+    TiffWriter(std::string const& path, WriteOptions const& options) : file_(path, options.force), options_(options) {
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': TIFF files cannot be written to a pipe"),
                         "name a file: -o out.tif");
@@ -130,8 +128,7 @@ private:
     SeriesAxis const* axis(bool time) const;
 
     OutputFile file_;
-    bool compress_;
-    std::function<void(std::string const&)> notice_;
+    WriteOptions options_;
     TIFF* tiff_ = nullptr;
     SeriesAxes series_{"TIFF file", ".tif"};
     std::vector<SeriesAxis> axes_;
@@ -153,11 +150,11 @@ void TiffWriter::begin(Header const& header) {
     if (series_.has_channels() && ome_type(header.dtype).empty())
         throw Error(ErrorKind::usage, text("channels of TIFF are OME's, which knows no ", header.dtype),
                     "convert first: vkt convert --dtype float32");
-    file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
+    file_.expect(options_.compress ? header.bytes() / 1032 : header.bytes());
     if (series_.volumes() > 1) return;
     first_ = series_.header();
     row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
-    std::size_t const strip = compress_ ? compressed_strip : largest_strip;
+    std::size_t const strip = options_.compress ? compressed_strip : largest_strip;
     rows_per_strip_ =
         static_cast<std::uint32_t>(std::clamp<std::size_t>(strip / row_, 1, static_cast<std::size_t>(header.dims.y)));
     open();
@@ -262,9 +259,9 @@ void TiffWriter::begin_page() {
     set(TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
     set(TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
     set(TIFFTAG_ROWSPERSTRIP, rows_per_strip_);
-    set(TIFFTAG_COMPRESSION, compress_ ? COMPRESSION_ADOBE_DEFLATE : COMPRESSION_NONE);
+    set(TIFFTAG_COMPRESSION, options_.compress ? COMPRESSION_ADOBE_DEFLATE : COMPRESSION_NONE);
     // libtiff has no predictor for half floats, nor for integers of 8 bytes before 4.3.
-    if (compress_ && first_.dtype != DataType::float16 && (real || size_of(first_.dtype) < 8))
+    if (options_.compress && first_.dtype != DataType::float16 && (real || size_of(first_.dtype) < 8))
         set(TIFFTAG_PREDICTOR, real ? PREDICTOR_FLOATINGPOINT : PREDICTOR_HORIZONTAL);
     set(TIFFTAG_RESOLUTIONUNIT, RESUNIT_NONE);
     set(TIFFTAG_XRESOLUTION, 1 / first_.geometry.spacing.x);
@@ -272,7 +269,7 @@ void TiffWriter::begin_page() {
     if (page_ == 0) set(TIFFTAG_IMAGEDESCRIPTION, description().c_str());
     // ImageJ's own files have one directory and all voxels behind it, and tifffile takes ours for one of them if the
     // voxels of all pages would have room before the second directory: a long description must not lie between them.
-    if (page_ == 0 && !compress_ && rows_per_strip_ == static_cast<std::uint32_t>(first_.dims.y))
+    if (page_ == 0 && !options_.compress && rows_per_strip_ == static_cast<std::uint32_t>(first_.dims.y))
         need(TIFFCheckpointDirectory(tiff_) != 0);
     in_page_ = true;
     rows_done_ = strip_ = 0;
@@ -311,13 +308,10 @@ void TiffWriter::close() {
     series_.finish();
     axes_ = series_.axes();
     first_ = series_.header();
-    if (first_.values != ValueMap{} && notice_)
-        notice_(text("other programs take the values of TIFF files as they are stored, but for ImageJ, here ",
-                     first_.values.slope, " * stored + ", first_.values.intercept,
-                     " is meant; to store what is meant: vkt convert --dtype float32"));
-    if (!series_.differing().empty() && notice_)
-        notice_(text("one TIFF file does not hold attributes that differ between its volumes (",
-                     join(series_.differing(), ", "), "): not kept"));
+    tell_private_values(options_, first_, "TIFF", "ImageJ");
+    if (!series_.differing().empty() && options_.notice)
+        options_.notice(text("one TIFF file does not hold attributes that differ between its volumes (",
+                             join(series_.differing(), ", "), "): not kept"));
     complaint.clear();
     if (volumes > 1) { // their number stands in the first page
         need(TIFFSetDirectory(tiff_, 0) != 0);

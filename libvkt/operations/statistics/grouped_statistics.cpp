@@ -299,10 +299,9 @@ void GroupedStatistics::sum(GroupedSlab const& in, Execution const& execution) {
             block.clear(); // or they were held beside those of the next blocks
         }
         // Fewer blocks at a time where there is no room for those of all threads.
-        std::int64_t const in_block = by == GroupedBy::x ? region_.dims().x : (held - 1) / n + 1;
-        check_room(std::ssize(result_.groups), in_block);
-        if (by != GroupedBy::x)
-            while (together > 1 && !has_room(std::ssize(result_.groups), together * in_block)) --together;
+        std::int64_t const groups = std::ssize(result_.groups), in_block = (held + n - 1) / n;
+        check_room(groups, in_block);
+        while (together > 1 && !has_room(groups, together * in_block)) --together;
     }
 }
 
