@@ -72,17 +72,29 @@ DeviceFacts device_facts(int device) {
 
 namespace {
 
-/// The pool of the current device, which from now on keeps what is freed; null where the driver has none.
-cudaMemPool_t device_pool() {
+/// Whether the current device has a pool of memory, which keeps from now on what is freed. Asked once of a device: the
+/// questions take longer than an allocation.
+bool has_pool() {
+    struct Answer {
+        std::once_flag asked;
+        bool yes = false;
+    };
+    static std::array<Answer, 64> answers;
     int const device = device_current();
-    int supported = 0;
-    must(cudaDeviceGetAttribute(&supported, cudaDevAttrMemoryPoolsSupported, device), "its memory is not known");
-    if (supported == 0) return nullptr;
-    cudaMemPool_t pool = nullptr;
-    must(cudaDeviceGetDefaultMemPool(&pool, device), "has no memory pool");
-    std::uint64_t keep = ~std::uint64_t{0};
-    must(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "its memory cannot be kept");
-    return pool;
+    auto const ask = [device] {
+        int supported = 0;
+        must(cudaDeviceGetAttribute(&supported, cudaDevAttrMemoryPoolsSupported, device), "its memory is not known");
+        if (supported == 0) return false;
+        cudaMemPool_t pool = nullptr;
+        must(cudaDeviceGetDefaultMemPool(&pool, device), "has no memory pool");
+        std::uint64_t keep = ~std::uint64_t{0};
+        must(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "its memory cannot be kept");
+        return true;
+    };
+    auto const index = static_cast<std::size_t>(device);
+    if (index >= answers.size()) return ask();
+    std::call_once(answers[index].asked, [&] { answers[index].yes = ask(); });
+    return answers[index].yes;
 }
 
 } // namespace
@@ -92,7 +104,7 @@ cudaMemPool_t device_pool() {
 std::byte* device_allocate(std::size_t bytes) {
     void* data = nullptr;
     std::size_t const size = (bytes + 255) / 256 * 256;
-    if (device_pool() != nullptr)
+    if (has_pool())
         must(cudaMallocAsync(&data, size, nullptr), "cannot allocate memory");
     else
         must(cudaMalloc(&data, size), "cannot allocate memory");

@@ -196,7 +196,7 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     constexpr int small = sizeof(T) >= 4 ? wide : narrow;
     auto const count = static_cast<unsigned>(slots);
     auto const equal = static_cast<unsigned long long>(grid.count()); // the weight of every voxel, if it is the same
-    if (is_even(grid) && lane_bytes(slots) <= most_lane_bytes)
+    if (is_even(grid) && lane_bytes(slots_of_lanes<SlotOf>(slots)) <= most_lane_bytes)
         short_rows ? launch_count_lanes<T, small, true>(rows, items, slot_of, count, equal, counters)
                    : launch_count_lanes<T, wide, false>(rows, items, slot_of, count, equal, counters);
     else if (packed)

@@ -49,11 +49,16 @@ __device__ __forceinline__ void add_lanes(unsigned* warp, unsigned rows, unsigne
     __syncwarp();
 }
 
-/// What finds a slot may look it up in a table of floats, which is copied into shared memory.
+/// What finds a slot may have slots of its own for lanes, most of which it finds quickly, and a table of floats to look
+/// up the others, which is copied into shared memory.
 template <class SlotOf>
-concept HasTable = requires(SlotOf const& slot_of) {
+concept IsQuick = requires(SlotOf const& slot_of) {
+    { slot_of.lane_slots() } -> std::same_as<unsigned>;
     { slot_of.table() } -> std::same_as<float const*>;
 };
+template <class SlotOf> constexpr std::size_t slots_of_lanes(std::size_t slots) {
+    return IsQuick<SlotOf> ? slots + 1 : slots;
+}
 
 /// Voxels all of the same weight. Short: rows may be of half a warp's voxels or less.
 template <class T, int N, bool Short, class SlotOf>
@@ -62,9 +67,10 @@ __global__ void __launch_bounds__(lane_threads)
                        unsigned long long weight, unsigned long long* counters) {
     extern __shared__ __align__(16) unsigned lane_memory[];
     CountItem const item = items[blockIdx.x];
+    if constexpr (IsQuick<SlotOf>) slots = slot_of.lane_slots();
     unsigned const rows = lane_rows(slots), words = rows * (4 + lane_threads);
     for (unsigned i = threadIdx.x; i < words; i += lane_threads) lane_memory[i] = 0;
-    if constexpr (HasTable<SlotOf>)
+    if constexpr (IsQuick<SlotOf>)
         for (unsigned i = threadIdx.x; i < slot_of.table_size(); i += lane_threads)
             reinterpret_cast<float*>(lane_memory + words)[i] = slot_of.table()[i];
     __syncthreads();
@@ -73,8 +79,8 @@ __global__ void __launch_bounds__(lane_threads)
     auto* const mine = reinterpret_cast<unsigned char*>(of_warp + lane);
     float* const table = reinterpret_cast<float*>(lane_memory + words);
     auto const slot_at = [&](T voxel) {
-        if constexpr (HasTable<SlotOf>)
-            return slot_of(voxel, table);
+        if constexpr (IsQuick<SlotOf>)
+            return slot_of.closely(voxel, table);
         else
             return slot_of(voxel);
     };
@@ -84,8 +90,17 @@ __global__ void __launch_bounds__(lane_threads)
     };
     auto const count_pack = [&](Words const& words) {
         int slots_of_pack[N];
+        bool found = false;
+        if constexpr (IsQuick<SlotOf>) {
+            T voxels[N];
 #pragma unroll
-        for (int v = 0; v < N; ++v) slots_of_pack[v] = slot_at(voxel_of<T>(words, v));
+            for (int v = 0; v < N; ++v) voxels[v] = voxel_of<T>(words, v);
+            found = slot_of.quickly(voxels, slots_of_pack);
+        }
+        if (!found) {
+#pragma unroll
+            for (int v = 0; v < N; ++v) slots_of_pack[v] = slot_at(voxel_of<T>(words, v));
+        }
 #pragma unroll
         for (int v = 0; v < N; ++v) count(slots_of_pack[v]);
     };
@@ -150,15 +165,19 @@ __global__ void __launch_bounds__(lane_threads)
     }
     add_lanes(of_warp, rows, lane, totals);
     __syncthreads();
-    for (unsigned i = threadIdx.x; i < slots; i += lane_threads)
-        if (totals[i] != 0) atomicAdd(counters + item.counters + i, totals[i] * weight);
+    for (unsigned i = threadIdx.x; i < slots; i += lane_threads) {
+        unsigned slot = i;
+        if constexpr (IsQuick<SlotOf>) slot = slot_of.slot_of_lane(i);
+        if (totals[i] != 0) atomicAdd(counters + item.counters + slot, totals[i] * weight);
+    }
 }
 
 template <class T, int N, bool Short, class SlotOf>
 void launch_count_lanes(DeviceRows const& in, std::vector<CountItem> const& items, SlotOf const& slot_of,
                         unsigned slots, unsigned long long weight, unsigned long long* counters) {
     DeviceList<CountItem> const list(items);
-    auto const bytes = static_cast<int>(lane_bytes(slots) + (HasTable<SlotOf> ? slots * sizeof(float) : 0));
+    auto const bytes =
+        static_cast<int>(lane_bytes(slots_of_lanes<SlotOf>(slots)) + (IsQuick<SlotOf> ? slots * sizeof(float) : 0));
     cudaFuncSetAttribute(count_lanes_kernel<T, N, Short, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
     count_lanes_kernel<T, N, Short, SlotOf>
         <<<static_cast<unsigned>(items.size()), lane_threads, static_cast<unsigned>(bytes)>>>(in, list.get(), slot_of,

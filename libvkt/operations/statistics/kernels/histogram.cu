@@ -27,27 +27,77 @@ struct TableSlot {
     VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
 };
 
-/// float32 with a positive slope: the edge next to a voxel is guessed in float32, and the least float32 beyond that
-/// edge tells on which side of it the voxel lies. There are no others to ask, and no branches.
+/// float32 with a positive slope: a voxel's place among the bins is worked out in float32 and rounded down. Where that
+/// is nearer to an edge than its roundings are, the least float32 that is not below the edge tells on which side of it
+/// the voxel lies. There are no other edges to ask.
 struct FloatSlot {
     template <class T> using is_cheap = std::true_type;
-    float const* first; ///< count + 1: the least that is not below each edge; above it, for the last one
+    float const* first; ///< of each bin, the least float32 in it
+    float last;         ///< of the last one, the largest
     int count;
     float factor, summand;
+    float unsure; ///< a place this near to an edge, less than 0.25, is not to be trusted; below 0: it always is
 
-    __device__ __forceinline__ float const* table() const { return first; }
-    __device__ __forceinline__ unsigned table_size() const { return static_cast<unsigned>(count) + 1; }
-    /// With a copy of the table that is nearer.
-    __device__ __forceinline__ int operator()(float voxel, float const* near) const {
-        // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
-        // conversions take four times as long.
-        float const at = fminf(fmaxf(madd(voxel, factor, summand), 0.0f), static_cast<float>(count));
-        int const edge = __float_as_int(at + driver::rounding) - static_cast<int>(driver::rounding_bits),
-                  bin = voxel >= near[edge] ? edge : edge - 1;
-        int const slot = bin < 0 ? count : bin < count ? bin : count + 1;
-        return voxel == voxel ? slot : count + 2;
+    // Lanes count what is under, the bins, what is over, twice, and NaN.
+    __device__ __forceinline__ unsigned lane_slots() const { return static_cast<unsigned>(count) + 4; }
+    __device__ __forceinline__ unsigned slot_of_lane(unsigned slot) const {
+        auto const n = static_cast<unsigned>(count);
+        return slot == 0 ? n : slot <= n ? slot - 1 : slot <= n + 2 ? n + 1 : n + 2;
     }
-    __device__ __forceinline__ int operator()(float voxel) const { return (*this)(voxel, first); }
+    __device__ __forceinline__ float const* table() const { return first; }
+    __device__ __forceinline__ unsigned table_size() const { return static_cast<unsigned>(count); }
+
+    /// What lanes count some voxels in, if that is easily seen: false if one of them wants a closer look.
+    template <int N> __device__ __forceinline__ bool quickly(float const (&voxels)[N], int (&slots)[N]) const {
+        float odd = 0; // NaN, if one of them is not finite
+        bool sure = true;
+        float at[N], sum[N];
+#pragma unroll
+        for (int k = 0; k < N; ++k) {
+            odd = madd(voxels[k], 0.0f, odd);
+            at[k] = fminf(fmaxf(place(voxels[k]), -0.5f), static_cast<float>(count) + 1.5f);
+            // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
+            // conversions take four times as long.
+            sum[k] = __fadd_rd(at[k], driver::rounding + 1);
+            slots[k] = __float_as_int(sum[k]) - static_cast<int>(driver::rounding_bits);
+            sure = sure && slots[k] != count + 1; // perhaps the upper edge of the last bin
+        }
+        if (unsure >= 0) {
+#pragma unroll
+            for (int k = 0; k < N; ++k)
+                sure = sure && fabsf(at[k] - (sum[k] - (driver::rounding + 1)) - 0.5f) < 0.5f - unsure;
+        }
+        return sure && odd == odd;
+    }
+    /// With a copy of the table that is nearer.
+    __device__ __forceinline__ int closely(float voxel, float const* near) const {
+        if (voxel != voxel) return count + 3;
+        if (voxel > last) return count + 2;
+        float const at = fminf(fmaxf(place(voxel), -0.75f), static_cast<float>(count) - 0.25f), edge = rintf(at);
+        bool const above = fabsf(at - edge) <= unsure ? voxel >= near[static_cast<int>(edge)] : at >= edge;
+        return static_cast<int>(edge) + (above ? 1 : 0);
+    }
+    __device__ __forceinline__ int operator()(float voxel) const {
+        return static_cast<int>(slot_of_lane(static_cast<unsigned>(closely(voxel, first))));
+    }
+
+    /// Whether the place alone tells, whatever the voxel is: it grows with the voxel, so that it need only be right for
+    /// the first voxel of every bin and the one before.
+    bool is_exact(std::vector<float> const& firsts) const {
+        for (int bin = 0; bin < count; ++bin) {
+            float const voxel = firsts[static_cast<std::size_t>(bin)],
+                        before = std::nextafter(voxel, -std::numeric_limits<float>::infinity());
+            double const own = summand, rest = own - bin;
+            if (rest + bin != own || own - rest != bin) return false;
+            if (std::fma(double{voxel}, double{factor}, rest) < 0 ||
+                std::fma(double{before}, double{factor}, rest) >= 0)
+                return false;
+        }
+        return true;
+    }
+
+private:
+    __device__ __forceinline__ float place(float voxel) const { return __fmaf_rd(voxel, factor, summand); }
 };
 
 struct ValueSlot {
@@ -93,8 +143,8 @@ struct WholeSlot {
     }
 };
 
-/// The least float32 whose value is not below each edge, above the last one, by bisection of all of them; the slope is
-/// positive.
+/// The least float32 whose value is not below each edge, and the least whose value is above the last one, by bisection
+/// of all of them; the slope is positive.
 std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const& map) {
     constexpr std::int64_t infinity = 0x7f800000; // in the order of values; -0 follows 0 from below
     auto const float_at = [](std::int64_t place) {
@@ -138,8 +188,17 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, unsigne
         bool const trusted = bins.map().slope > 0 && !bins.far() && unsure < 0.25 && std::abs(factor) > 0x1p-100 &&
                              std::abs(factor) < 0x1p100;
         if (trusted) {
-            driver::DeviceList<float> const first(first_floats(edges, bins.map()));
-            FloatSlot const slot{first.get(), bins.count(), static_cast<float>(factor), static_cast<float>(summand)};
+            std::vector<float> firsts = first_floats(edges, bins.map());
+            float const last = std::nextafter(firsts.back(), -std::numeric_limits<float>::infinity());
+            firsts.pop_back();
+            driver::DeviceList<float> const first(firsts);
+            FloatSlot slot{first.get(),
+                           last,
+                           bins.count(),
+                           static_cast<float>(factor),
+                           static_cast<float>(summand),
+                           static_cast<float>(unsure)};
+            if (slot.is_exact(firsts)) slot.unsure = -1;
             return driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
         }
     }
