@@ -24,12 +24,7 @@ public:
         options_.declare(list);
         list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)")
             .not_in_history();
-        list.flag("annotate", annotation_.key,
-                  "draw a colour bar with its values, or a legend of labels or surfaces, a scale bar in world units "
-                  "and the axes "
-                  "into the picture");
-        list.option("caption", annotation_.caption, "TEXT", "write this below the picture");
-        list.option("font", annotation_.font, "FILE", "font for both (default: one that is found, sans serif)");
+        annotation_.declare(list);
         list.option("tiles", tiles_, "I/N",
                     "draw part I of N of the picture; vkt image join makes one picture of the parts")
             .not_in_history();
@@ -40,8 +35,7 @@ public:
         bool const parts = settings().parts > 1;
         if (parts && annotation_.any())
             throw Error(ErrorKind::usage, "--annotate and --caption are for whole pictures, and --tiles draws parts");
-        if (!annotation_.font.empty() && !annotation_.any())
-            throw Error(ErrorKind::usage, "--font is for --annotate and --caption");
+        annotation_.check();
     }
     bool writes() const override { return true; }
     std::vector<std::string> suffixes() const override { return render::picture_suffixes(); }
@@ -108,6 +102,7 @@ public:
                 settings.chosen_from = std::make_shared<render::Histogram const>(volumes.renderer().histogram());
             for (render::CameraRequest const& camera : cameras) {
                 settings.camera = camera;
+                settings.camera.insets = render::insets_of(annotation_, settings.width, settings.height);
                 render::RenderReport report;
                 Watching const watching(context);
                 render::Image image = volumes.renderer().watched(settings, &report, watching.watch());

@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
+#include "libvkt/render/annotate.h"
 #include "libvkt/render/cost.h"
 #include "libvkt/render/render.h"
 #include "libvkt/render/settings.h"
@@ -60,19 +61,24 @@ vkt_picture drawn(Volume const& volume, char const* const* words, size_t count, 
     render::SettingsParameters options;
     Parameters own, shared;
     ExecutionOptions for_execution = call.policy();
+    render::Annotation annotation;
     options.declare(own);
+    annotation.declare(own);
     for_execution.declare(shared);
     read_options(words, count, {&own, &shared});
     options.check();
+    annotation.check();
     if (options.cameras().size() > 1)
         throw Error(ErrorKind::usage, "--orbit and --keyframes make several pictures, and this call makes one",
                     "give each camera in a call of its own");
     Execution const execution = call.execution(for_execution);
-    render::RenderSettings const settings = options.settings();
+    render::RenderSettings settings = options.settings();
+    settings.camera.insets = render::insets_of(annotation, settings.width, settings.height);
     render::check_memory(volume.header(), execution, settings.tree, true,
                          render::bytes_of_picture(settings, volume.header(), {}));
     render::RenderReport report;
     render::Image image = image_of(volume, settings, execution, report);
+    if (annotation.any()) render::annotate(image, report, volume.header(), settings.background, annotation);
     vkt_picture picture{image.width, image.height};
     std::vector<unsigned char> const shown = render::to_bytes(image, settings.background);
     std::size_t const pixels = image.pixels.size() / 4, channels = shown.size() / pixels;

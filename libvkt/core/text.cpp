@@ -156,11 +156,18 @@ std::string to_text(Box const& b) {
     return text(b.lower.x, ":", b.upper.x, ",", b.lower.y, ":", b.upper.y, ",", b.lower.z, ":", b.upper.z);
 }
 
-std::string two_digits(double value) {
+namespace {
+
+std::string in_digits(char const* form, double value) {
     std::array<char, 32> digits{};
-    std::snprintf(digits.data(), digits.size(), "%.2g", value);
+    std::snprintf(digits.data(), digits.size(), form, value);
     return digits.data();
 }
+
+} // namespace
+
+std::string two_digits(double value) { return in_digits("%.2g", value); }
+std::string six_digits(double value) { return in_digits("%.6g", value); }
 
 std::string bytes_text(double bytes) {
     std::array const units{"B", "KiB", "MiB", "GiB", "TiB"};

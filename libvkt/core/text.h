@@ -32,6 +32,7 @@ template <class... Args> std::string text(Args const&... args) {
 
 std::string bytes_text(double bytes); ///< "12.0 MiB"
 std::string two_digits(double value); ///< "0.31", "1.2e+03": to two significant digits
+std::string six_digits(double value); ///< the same to six: what a reader wants of a value
 std::string lower_case(std::string_view text);
 /// The same text in UTF-8: bytes that are not part of a valid sequence are taken as Latin-1. Valid text stays as it is.
 std::string in_utf8(std::string_view text);

@@ -22,12 +22,29 @@ struct Point {
     double x, y;
 };
 
-/// A picture that is drawn on: coverage of pixels and their middles, from the top left.
-class Canvas {
+/// A font in a size.
+class Lettering {
 public:
-    Canvas(Image& image, std::string font, double size) : image_(image), font_(std::move(font)), size_(size) {}
+    /// As large as a picture of this size wants it.
+    Lettering(Annotation const& annotation, int width, int height)
+        : font_(annotation.font.empty() ? default_font() : annotation.font),
+          size_(std::max(9.0, std::min(height / 32.0, width / 24.0))) {}
 
     double size() const { return size_; }
+    int pixels() const { return static_cast<int>(std::lround(size_)); }
+    int pitch() const { return static_cast<int>(std::lround(1.3 * size_)); } ///< from line to line
+    TextLine text(std::string const& words) const { return draw_text(font_, size_, words); }
+
+private:
+    std::string font_;
+    double size_;
+};
+
+/// A picture that is drawn on: coverage of pixels and their middles, from the top left.
+class Canvas : public Lettering {
+public:
+    Canvas(Image& image, Lettering lettering) : Lettering(std::move(lettering)), image_(image) {}
+
     void blend(int x, int y, double coverage, Color const& color) {
         if (x < 0 || y < 0 || x >= image_.width || y >= image_.height || !(coverage > 0)) return;
         float* const p =
@@ -60,7 +77,6 @@ public:
                 blend(x, y, half + 0.5 - std::hypot(px - t * dx, py - t * dy), color);
             }
     }
-    TextLine text(std::string const& words) const { return draw_text(font_, size_, words); }
     /// Over a faint outline of the other shade, so that it can be read on anything.
     void put(TextLine const& line, int x, int y, Color const& ink) {
         auto const at = [&](int u, int v) {
@@ -83,8 +99,6 @@ public:
 
 private:
     Image& image_;
-    std::string font_;
-    double size_;
 };
 
 double luminance(Color const& c) {
@@ -110,13 +124,6 @@ Color color_at(TransferFunction const& transfer, double value) {
     return {linear_to_srgb(light[0]), linear_to_srgb(light[1]), linear_to_srgb(light[2])};
 }
 
-/// Without digits that rounding left behind.
-std::string short_text(double value, double step) {
-    double const unit = std::pow(10, std::floor(std::log10(step)));
-    double const digits = std::round(value / unit);
-    return to_text(unit < 1 ? digits / std::round(1 / unit) : digits * unit);
-}
-
 void draw_color_bar(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
     auto const size = static_cast<int>(std::lround(canvas.size()));
     double const lower = report.domain.lower, upper = report.domain.upper;
@@ -126,7 +133,7 @@ void draw_color_bar(Canvas& canvas, RenderReport const& report, std::string cons
     std::vector<TextLine> labels;
     int widest = 0;
     for (double const tick : ticks) {
-        labels.push_back(canvas.text(short_text(tick, step)));
+        labels.push_back(canvas.text(tick_text(tick, step)));
         widest = std::max(widest, labels.back().width);
     }
     int const x1 = canvas.width() - size - widest - size / 2, x0 = x1 - size;
@@ -148,14 +155,40 @@ void draw_color_bar(Canvas& canvas, RenderReport const& report, std::string cons
 }
 
 /// As much of the words as is no wider; what is left out leaves dots.
-std::string fitting(Canvas const& canvas, std::string words, int width) {
-    if (canvas.text(words).width <= width) return words;
-    while (!words.empty() && canvas.text(words + "...").width > width) {
+std::string fitting(Lettering const& letters, std::string words, int width) {
+    if (letters.text(words).width <= width) return words;
+    while (!words.empty() && letters.text(words + "...").width > width) {
         do words.pop_back();
         while (!words.empty() && (static_cast<unsigned char>(words.back()) & 0xC0U) == 0x80U); // rests of a character
         if (!words.empty() && static_cast<unsigned char>(words.back()) >= 0xC0U) words.pop_back();
     }
     return words + "...";
+}
+
+/// A caption in lines no wider than the picture, and no more of them than a third of it has room for; what is left out
+/// leaves dots.
+std::vector<std::string> caption_lines(Lettering const& letters, std::string const& caption, int width, int height) {
+    int const room = std::max(1, width - 2 * letters.pixels());
+    auto const most = static_cast<std::size_t>(std::max(1, height / 3 / letters.pitch()));
+    std::vector<std::string> lines;
+    for (std::string const& paragraph : split(caption, '\n')) {
+        std::string line;
+        for (std::string const& word : split(paragraph, ' ')) {
+            std::string longer = line.empty() ? word : line + " " + word;
+            if (!line.empty() && letters.text(longer).width > room) {
+                lines.push_back(std::move(line));
+                longer = word;
+            }
+            line = std::move(longer);
+        }
+        lines.push_back(std::move(line));
+    }
+    if (lines.size() > most) {
+        lines.resize(most);
+        lines.back() += " ...";
+    }
+    for (std::string& line : lines) line = fitting(letters, std::move(line), room);
+    return lines;
 }
 
 /// A colour and what it stands for.
@@ -197,7 +230,8 @@ template <class Row> void draw_legend(Canvas& canvas, std::size_t count, Color c
 void draw_surfaces(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
     draw_legend(canvas, report.isos.size(), ink, [&](std::size_t i) {
         double const iso = report.isos[i];
-        return LegendRow{units.empty() ? to_text(iso) : text(iso, " ", units), report.iso_colors[i]};
+        std::string const number = six_digits(iso);
+        return LegendRow{units.empty() ? number : text(number, " ", units), report.iso_colors[i]};
     });
 }
 
@@ -208,7 +242,8 @@ void draw_labels(Canvas& canvas, RenderReport const& report, Color const& ink) {
     });
 }
 
-void draw_scale_bar(Canvas& canvas, Camera const& camera, std::string const& unit, Color const& ink) {
+/// Above `floor`.
+void draw_scale_bar(Canvas& canvas, Camera const& camera, std::string const& unit, int floor, Color const& ink) {
     auto const size = static_cast<int>(std::lround(canvas.size()));
     Vec3 const way = camera.target - camera.eye;
     double const height = camera.projection == Projection::orthographic
@@ -217,13 +252,13 @@ void draw_scale_bar(Canvas& canvas, Camera const& camera, std::string const& uni
     double const per_pixel = height / canvas.height();
     double const length = round_length(per_pixel * canvas.width() / 4);
     if (!(length > 0)) return;
-    int const x0 = size, x1 = x0 + static_cast<int>(std::lround(length / per_pixel)), y = canvas.height() - size;
+    int const x0 = size, x1 = x0 + static_cast<int>(std::lround(length / per_pixel)), y = floor - size;
     int const thick = std::max(1, size / 6);
     canvas.box(x0, y - thick, x1, y, ink);
     canvas.box(x0, y - size / 2, x0 + thick, y, ink);
     canvas.box(x1 - thick, y - size / 2, x1, y, ink);
     TextLine const label = canvas.text(unit.empty() ? to_text(length) : text(length, " ", unit));
-    canvas.put(label, (x0 + x1 - label.width) / 2, y - size / 2 - label.height, ink);
+    canvas.put(label, std::max(size / 2, (x0 + x1 - label.width) / 2), y - size / 2 - label.height, ink);
 }
 
 void draw_axes(Canvas& canvas, Camera const& camera, Color const& ink) {
@@ -277,15 +312,55 @@ std::vector<double> ticks_of(double lower, double upper) {
     if (!(upper > lower)) return {lower};
     double const step = round_length((upper - lower) / 3);
     std::vector<double> ticks;
-    for (double k = std::ceil(lower / step); k * step <= upper && ticks.size() < 16; ++k) ticks.push_back(k * step);
+    for (double k = std::ceil(lower / step) + 0.0; k * step <= upper && ticks.size() < 16; ++k)
+        ticks.push_back(k * step);
     return ticks;
+}
+
+std::string tick_text(double value, double step) {
+    double const unit = std::floor(std::log10(step)), digits = std::round(value / std::pow(10, unit));
+    // A decimal number is rounded once when it is read.
+    return digits == 0 ? "0" : to_text(parse_double(text(digits, "e", static_cast<int>(unit))));
+}
+
+void Annotation::declare(Parameters& list) {
+    list.flag(
+        "annotate", key,
+        "draw a colour bar with its values, or a legend of labels or surfaces, a scale bar in world units and the "
+        "axes into the picture");
+    list.option("caption", caption, "TEXT", "write this below the picture");
+    list.option("font", font, "FILE", "font for both (default: one that is found, sans serif)");
+}
+
+void Annotation::check() const {
+    if (!font.empty() && !any()) throw Error(ErrorKind::usage, "--font is for --annotate and --caption");
+}
+
+Insets insets_of(Annotation const& annotation, int width, int height) {
+    if (!annotation.any()) return {};
+    Lettering const letters(annotation, width, height);
+    Insets insets;
+    constexpr double most = 0.4, bar = 6.5, scale = 2.6; // times the size of letters
+    if (annotation.key) {
+        insets.right = std::min(most, bar * letters.size() / width);
+        insets.bottom = scale * letters.size() / height;
+    }
+    if (!annotation.caption.empty()) {
+        auto const lines = caption_lines(letters, annotation.caption, width, height).size();
+        insets.bottom += (static_cast<double>(lines) * letters.pitch() + letters.size() / 2) / height;
+    }
+    insets.bottom = std::min(most, insets.bottom);
+    return insets;
 }
 
 void annotate(Image& image, RenderReport const& report, Header const& header, Background const& background,
               Annotation const& annotation) {
     Color const ink = luminance(background.color) > 0.18 ? Color{0, 0, 0} : Color{1, 1, 1};
-    double const size = std::max(9.0, image.height / 32.0);
-    Canvas canvas(image, annotation.font.empty() ? default_font() : annotation.font, size);
+    Canvas canvas(image, Lettering(annotation, image.width, image.height));
+    std::vector<std::string> lines;
+    if (!annotation.caption.empty()) lines = caption_lines(canvas, annotation.caption, image.width, image.height);
+    int const below = image.height - static_cast<int>(std::lround(canvas.size() / 2));
+    int const floor = lines.empty() ? image.height : below - static_cast<int>(lines.size()) * canvas.pitch();
     if (annotation.key) {
         if (report.labels)
             draw_labels(canvas, report, ink);
@@ -293,13 +368,14 @@ void annotate(Image& image, RenderReport const& report, Header const& header, Ba
             draw_color_bar(canvas, report, header.units, ink);
         else
             draw_surfaces(canvas, report, header.units, ink);
-        draw_scale_bar(canvas, report.camera, length_unit(header), ink);
+        draw_scale_bar(canvas, report.camera, length_unit(header), floor, ink);
         draw_axes(canvas, report.camera, ink);
     }
-    if (annotation.caption.empty()) return;
-    TextLine const caption = canvas.text(annotation.caption);
-    canvas.put(caption, (canvas.width() - caption.width) / 2,
-               canvas.height() - static_cast<int>(std::lround(size / 2)) - caption.height, ink);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        TextLine const line = canvas.text(lines[i]);
+        int const lower = below - static_cast<int>(lines.size() - 1 - i) * canvas.pitch();
+        canvas.put(line, (canvas.width() - line.width) / 2, lower - line.height, ink);
+    }
 }
 
 } // namespace vkt::render

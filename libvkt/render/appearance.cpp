@@ -143,9 +143,11 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
         Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), value);
         // What is at the value counts as above it, and above is where stored values are greater.
         bool const met = header_.values.slope > 0 ? least < iso && iso <= greatest : least <= iso && iso < greatest;
-        if (!met)
-            appearance.lossy.push_back(
-                text("no surface of ", iso, " is there: the values are ", least, " to ", greatest));
+        if (!met && settings.isos.empty() && least == greatest)
+            appearance.lossy.push_back(text("no surface is there: all values are ", six_digits(least)));
+        else if (!met)
+            appearance.lossy.push_back(text("no surface of ", iso, " is there: the values are ", six_digits(least),
+                                            " to ", six_digits(greatest)));
         std::size_t const i = appearance.isos.size();
         IsoView view{static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
                      static_cast<float>(k.blue)};
@@ -170,8 +172,8 @@ std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vec
                  other = rescaling().of(header_.values.stored(histogram().greatest));
     double const least = std::min(one, other), greatest = std::max(one, other);
     if (!(table.greatest_extinction(static_cast<float>(least), static_cast<float>(greatest)) > 0)) {
-        lines.push_back(text("nothing is visible: the opacity of all values, ", histogram().least, " to ",
-                             histogram().greatest, ", is zero"));
+        lines.push_back(text("nothing is visible: the opacity of all values, ", six_digits(histogram().least), " to ",
+                             six_digits(histogram().greatest), ", is zero"));
         return lines;
     }
     // Floats of wider types were rounded; and no table has nodes closer together than floats can say.

@@ -107,17 +107,29 @@ struct Extent {
     double middle() const { return std::midpoint(low, high); }
 };
 
+/// The part of a picture that is left, from -1 to 1 across the whole picture, once it is shown `zoom` times as large.
+struct Frame {
+    double x, y, half_width, half_height; ///< the middle
+    Frame(Insets const& insets, double zoom)
+        : x(-insets.right / zoom), y(insets.bottom / zoom), half_width(1 - insets.right),
+          half_height(1 - insets.bottom) {}
+};
+
 /// The eye from which all that is shown is just within a frustum, and as near as can be, in the camera's directions:
-/// every side of the frustum touches some of it where it can. `tangents` are of half its angles.
+/// every side of the frustum touches some of it where it can. `across` and `upward` are tangents of half the angles of
+/// the whole picture.
 struct Placed {
     double right, up, forward;
 };
-Placed tightest(Shown const& shown, Basis const& b, double across, double upward) {
+Placed tightest(Shown const& shown, Basis const& b, double across, double upward, Frame const& frame) {
     auto const furthest = [&](Vec3 way, double tangent) { return shown.reach(way - b.forward * tangent); };
-    double const right = furthest(b.right, across), left = furthest(b.right * -1.0, across),
-                 above = furthest(b.up, upward), below = furthest(b.up * -1.0, upward);
-    return {(right - left) / 2, (above - below) / 2,
-            std::min(-(right + left) / (2 * across), -(above + below) / (2 * upward))};
+    double const right = furthest(b.right, across * (frame.half_width + frame.x)),
+                 left = furthest(b.right * -1.0, across * (frame.half_width - frame.x)),
+                 above = furthest(b.up, upward * (frame.half_height + frame.y)),
+                 below = furthest(b.up * -1.0, upward * (frame.half_height - frame.y));
+    double const forward = std::min(-(right + left) / (2 * across * frame.half_width),
+                                    -(above + below) / (2 * upward * frame.half_height));
+    return {(right - left) / 2 + frame.x * across * forward, (above - below) / 2 + frame.y * upward * forward, forward};
 }
 
 Extent extent_of(Shown const& shown, Vec3 direction) {
@@ -168,25 +180,26 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
 
     Basis const b = basis_of(request.eye ? camera.target - *request.eye : view.side * -1.0, camera.up);
     double const base = std::tan(radians(request.fov) / 2);
-    Vec3 const across = b.right * (1 / aspect);
-    bool const centred = !request.steady && !request.eye && !request.target,
-               perspective = request.projection == Projection::perspective;
+    bool const free = !request.eye && !request.target;
+    Frame const frame(free ? request.insets : Insets{}, request.zoom);
+    Vec3 const across = b.right * (1 / (aspect * frame.half_width)), upward = b.up * (1 / frame.half_height);
+    bool const centred = !request.steady && free, perspective = request.projection == Projection::perspective;
     double const radius = shown.radius(camera.target);
     double distance = 0, half_height = 0;
     if (!request.eye && !request.steady && !(centred && perspective)) // far enough that all is in the picture
-        for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0}) {
+        for (Vec3 const& way : {across, across * -1.0, upward, upward * -1.0}) {
             Vec3 const side = way * (margin / base) - b.forward;
             distance = std::max(distance, shown.reach(side) - dot(camera.target, side));
         }
     if (request.steady) { // and any turn of it
-        double const limit = std::sin(std::atan(base * std::min(1.0, aspect)));
-        distance = radius * margin / limit;
-        half_height = radius * margin / std::min(1.0, aspect);
+        double const room = std::min(frame.half_height, aspect * frame.half_width);
+        distance = radius * margin / std::sin(std::atan(base * room));
+        half_height = radius * margin / room;
     } else {
         if (centred) {
             double const depth = dot(centre, b.forward);
             if (perspective) {
-                Placed const eye = tightest(shown, b, base * aspect / margin, base / margin);
+                Placed const eye = tightest(shown, b, base * aspect / margin, base / margin, frame);
                 camera.target = b.right * eye.right + b.up * eye.up + b.forward * depth;
                 distance = depth - eye.forward;
             } else {
@@ -194,11 +207,16 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
             }
         }
         if (!perspective && !request.span) // around the target
-            for (Vec3 const& way : {across, across * -1.0, b.up, b.up * -1.0})
+            for (Vec3 const& way : {across, across * -1.0, upward, upward * -1.0})
                 half_height = std::max(half_height, margin * (shown.reach(way) - dot(camera.target, way)));
     }
     // A target far in front of the volume must not put the eye behind itself.
     distance = std::max(distance, 1e-3 * radius);
+    if (free && !(centred && perspective)) { // what is in the middle of the picture is to be in that of the frame
+        double const half =
+            perspective ? tangent * distance : request.span.value_or(2 * half_height) / 2 / request.zoom;
+        camera.target = camera.target - (b.right * (frame.x * aspect) + b.up * frame.y) * (half * request.zoom);
+    }
     camera.eye = request.eye.value_or(camera.target - b.forward * (perspective ? distance : 2 * radius + distance));
     camera.height = perspective ? 2 * tangent * length(camera.target - camera.eye)
                                 : request.span.value_or(2 * half_height) / request.zoom;

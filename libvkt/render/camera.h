@@ -28,6 +28,11 @@ struct Camera {
 /// What the default camera shows: all that the transfer function lets see, or the whole box of the volume.
 enum class Fit : std::uint8_t { content, volume };
 
+/// Shares of a picture, in [0, 1), that what is shown is to leave free at its edges.
+struct Insets {
+    double right = 0, bottom = 0;
+};
+
 /// What the user asks for; the rest follows from the volume.
 struct CameraRequest {
     std::string view = "oblique";        ///< x, -x, y, -y, z, -z (the side on which the camera stands) or oblique
@@ -40,6 +45,7 @@ struct CameraRequest {
     std::optional<double> span; ///< orthographic: world length from bottom to top of the picture; overrules the fit
     Fit fit = Fit::content;
     bool steady = false; ///< the same distance from all sides: what is shown is a ball around its corners
+    Insets insets;       ///< of a camera whose eye and target are not given
 };
 
 /// World positions of the corners of a box of voxels: outer faces of the outer voxels.
