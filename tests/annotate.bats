@@ -112,9 +112,10 @@ assert abs((x0 + x1) / 2 - 320) <= 2 and y1 <= 384"
 }
 
 @test "annotations lie on the picture and change nothing beside them" {
-    vkt render v.nrrd --size 300 -o a.png
-    vkt render v.nrrd --size 300 --annotate --caption below -o b.png
-    vkt render v.nrrd --size 300 --annotate --caption below --threads 1 -o c.png
+    local -a from=(--eye 60,-90,60 --target 19.5,19.5,19.5)
+    vkt render v.nrrd "${from[@]}" --size 300 -o a.png
+    vkt render v.nrrd "${from[@]}" --size 300 --annotate --caption below -o b.png
+    vkt render v.nrrd "${from[@]}" --size 300 --annotate --caption below --threads 1 -o c.png
     cmp b.png c.png
     /usr/bin/python3 -c "$rows
 a, b = rows('a.png'), rows('b.png')
@@ -125,6 +126,42 @@ import cv2
 a = cv2.imread('clear.png', cv2.IMREAD_UNCHANGED)
 assert a.shape[2] == 4 and a[:, :, 3].max() == 255 and a[:200, :, 3].max() == 0"
     vkt history b.png | grep -q -e '--annotate --caption below'
+}
+
+@test "what is written has room beside what is shown, in pictures of all shapes" {
+    vkt make ramp --dims 24 24 24 --dtype uint8 | vkt arith mul - 0 | vkt arith add - 200 -o block.nrrd
+    for size in 200x150 400 800x500 300x900; do
+        # The block alone, lit from the camera, and the same with what is written: nothing of that lies on it.
+        vkt render block.nrrd --opacity 1,1 --colormap grey --domain 100:300 --size $size --background 0,0,0 --annotate --caption 'A caption of several words that does not fit into the width of small pictures' -o a.png --force -q
+        vkt render block.nrrd --opacity 1,1 --colormap grey --domain 100:300 --size $size --background 0.4,0,0 --annotate --caption 'A caption of several words that does not fit into the width of small pictures' -o b.png --force -q
+        /usr/bin/python3 -c "$rows
+a, b = rows('a.png'), rows('b.png')
+block = (a == b).all(-1) & (a.max(-1) > 20) & (a.max(-1) < 250) & (np.ptp(a, axis=-1) == 0)
+block[:, int(block.shape[1] * 0.95):] = False
+ys, xs = np.nonzero(cv2.morphologyEx(block.astype(np.uint8), cv2.MORPH_OPEN, np.ones((9, 9), np.uint8)))
+h, w = block.shape
+size = max(9, min(h / 32, w / 24))
+assert len(ys) > 0.05 * h * w, len(ys)
+assert xs.max() < w - 3 * size and ys.max() < h - 2.4 * size, ('$size', xs.max(), ys.max())
+# The caption is there in full: its left and right ends are within the picture.
+ink = (a == 255).all(-1)
+low = ink[int(h - 5 * size):]
+assert not low[:, :2].any() and not low[:, -2:].any() and low.any(), '$size'"
+    done
+}
+
+@test "numbers of ticks and surfaces are short" {
+    vkt convert v.nrrd --dtype float32 | vkt arith mul - 1e-21 -o tiny.nrrd
+    for domain in -6e-21:6e-21 -1e3:1e3 0:3e38; do
+        vkt render tiny.nrrd --opacity 0,0 --domain=$domain --size 400 --background 0,0,0 --annotate -o a.png --force -q
+        # The widest label is narrower than six digits with their exponent.
+        /usr/bin/python3 -c "$rows
+p = rows('a.png')
+ink = (p == 255).all(-1)
+sides = [x for x in range(200, 400) if longest(ink[:, x])[0] >= 240]
+written = np.flatnonzero((p[70:330, sides[-1] + 6:].max(-1) > 128).any(0))
+assert np.ptp(written) < 12.5 * 4.2, ('$domain', np.ptp(written))"
+    done
 }
 
 @test "annotations that cannot be" {

@@ -127,7 +127,11 @@ b = open('a.png', 'rb').read(); open('cut.png', 'wb').write(b[:-40])"
     fails_with 2 "only some" vkt image mean s.png a.png -o m.png
     vkt render v.nrrd -ra multi-scattering --spp 1 --first-sample 1 --size 64x48 -o t.png
     fails_with 2 "pictures 1 and 3 are made of the same paths" vkt image mean s.png t.png s.png -o m.png
+    vkt render v.nrrd -ra multi-scattering --spp 3 --size 64x48 -o u.png
+    fails_with 2 "paths 0 to 0 of seed 0 are in both" vkt image mean s.png u.png -o m.png
     vkt image mean s.png t.png -o st.png
+    fails_with 2 "paths 1 to 1 of seed 0 are in both" vkt image mean u.png t.png -o m.png
+    fails_with 2 "same paths" vkt image mean st.png u.png -o m.png
     fails_with 2 "same paths" vkt image mean st.png st.png -o m.png
     [ ! -e m.png ]
     vkt image mean a.png -o m.png -n 2>err

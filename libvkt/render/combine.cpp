@@ -54,14 +54,54 @@ std::vector<double> weights_of(std::vector<PictureContents> const& pictures) {
     return weights;
 }
 
+/// Paths of a seed, from the first to the last.
+struct PathRange {
+    std::string seed;
+    std::int64_t first, last;
+};
+
+/// What a picture says of its paths; nothing where that is not known.
+std::vector<PathRange> paths_of(PictureContents const& picture) {
+    std::vector<PathRange> ranges;
+    for (std::string const& entry : split(picture.text(paths_keyword), ',')) {
+        std::size_t const begin = entry.find_first_not_of(' '), colon = entry.find(':'), dash = entry.find('-', colon);
+        if (begin == std::string::npos || colon == std::string::npos || dash == std::string::npos) continue;
+        std::string const first = entry.substr(colon + 1, dash - colon - 1), last = entry.substr(dash + 1);
+        if (!is_number(first) || !is_number(last)) continue;
+        ranges.push_back({entry.substr(begin, colon - begin), parse_integer(first), parse_integer(last)});
+    }
+    return ranges;
+}
+
+/// A path that both pictures have, in words; empty if there is none.
+std::string path_of_both(PictureContents const& a, PictureContents const& b) {
+    for (PathRange const& one : paths_of(a))
+        for (PathRange const& other : paths_of(b)) {
+            std::int64_t const first = std::max(one.first, other.first), last = std::min(one.last, other.last);
+            if (one.seed == other.seed && first <= last)
+                return text("paths ", first, " to ", last, " of seed ", one.seed, " are in both");
+        }
+    bool const same = !a.text("History").empty() && a.text("History") == b.text("History");
+    return same && a.image.pixels == b.image.pixels ? "they are the same" : "";
+}
+
 /// Paths count once: the same again would pass for more of them, with less noise than there is.
 void refuse_same_paths(std::vector<PictureContents> const& pictures) {
     for (std::size_t k = 1; k < pictures.size(); ++k)
         for (std::size_t i = 0; i < k; ++i)
-            if (!pictures[k].text("History").empty() && pictures[k].text("History") == pictures[i].text("History") &&
-                pictures[k].image.pixels == pictures[i].image.pixels)
-                refuse(text("pictures ", i + 1, " and ", k + 1, " are made of the same paths: they are the same"),
-                       "draw each with a --seed or a --first-sample of its own");
+            if (std::string const same = path_of_both(pictures[i], pictures[k]); !same.empty())
+                refuse(text("pictures ", i + 1, " and ", k + 1, " are made of the same paths: ", same),
+                       "draw each with a --seed of its own, or with --first-sample after the last path of another");
+}
+
+/// Those of all of them; empty where one of them does not tell.
+std::string all_paths(std::vector<PictureContents> const& pictures) {
+    std::vector<std::string> all;
+    for (PictureContents const& picture : pictures) {
+        all.push_back(picture.text(paths_keyword));
+        if (all.back().empty()) return {};
+    }
+    return join(all, ", ");
 }
 
 } // namespace
@@ -87,7 +127,10 @@ PictureContents mean_of(std::vector<PictureContents> const& pictures) {
     for (std::size_t i = 0; i < sum.size(); ++i) mean.image.pixels[i] = static_cast<float>(sum[i] / total);
     mean.options = first.options;
     mean.texts = common_texts(pictures);
-    std::erase_if(mean.texts, [](auto const& entry) { return entry.first == samples_keyword; });
+    std::erase_if(mean.texts,
+                  [](auto const& entry) { return entry.first == samples_keyword || entry.first == paths_keyword; });
+    if (std::string paths = all_paths(pictures); !paths.empty())
+        mean.texts.emplace_back(paths_keyword, std::move(paths));
     if (!first.text(samples_keyword).empty()) mean.texts.emplace_back(samples_keyword, to_text(total));
     for (Layer const& layer : first.layers) {
         if (!all_have(pictures, layer.name)) continue;

@@ -163,12 +163,14 @@ struct RenderReport {
     std::vector<Color> iso_colors; ///< sRGB, of each
     /// Where the volume was drawn as labels: those that it holds, in ascending order.
     std::shared_ptr<std::vector<ShownLabel> const> labels;
-    double shade = 0;                       ///< strength of gradient shading
-    std::int64_t rays = 0;                  ///< that met the volume
-    std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
-    std::int64_t samples = 0;               ///< values that were looked up
-    std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
-    double paths = 0;                       ///< a pixel, the mean; 0: no path was traced
+    double shade = 0;            ///< strength of gradient shading
+    std::int64_t rays = 0;       ///< that met the volume
+    std::int64_t segments = 0;   ///< that lie on these rays (paths for scattering)
+    std::int64_t samples = 0;    ///< values that were looked up
+    std::int64_t capped = 0;     ///< paths that were cut at the bounce limit
+    double paths = 0;            ///< a pixel, the mean; 0: no path was traced
+    std::int64_t first_path = 0; ///< its number among those of the seed
+    std::uint64_t seed = 0;
     double skipped = 0;                     ///< share of the macrocells or bricks that nothing can be seen in
     char const* parts = "macrocells";       ///< or bricks
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite

@@ -48,6 +48,8 @@ void Renderer::tell(RenderReport& report, RenderSettings const& settings, Prepar
     report.missing = histogram().missing, report.infinite = histogram().infinite;
     int const passed = drawn.before + settings.samples;
     if (integrator == Integrator::scatter) report.paths = drawn.in_passes ? report.quality.rays : passed;
+    report.first_path = settings.first_sample;
+    report.seed = settings.seed;
     report.method =
         appearance.labels ? text("labels, ", drawn.labels, " of them, nearest voxel, shading ", appearance.shade)
         : integrator == Integrator::iso

@@ -49,6 +49,8 @@ std::string report_text(RenderReport const& report);
 std::string quality_text(RenderReport const& report, Goal const& goal);
 /// Under this keyword pictures of paths keep how many there are a pixel, the mean.
 inline constexpr char samples_keyword[] = "Samples";
+/// And under this one which, for every seed: "SEED:FIRST-LAST", several joined by ", ".
+inline constexpr char paths_keyword[] = "Paths";
 /// What else a picture says of itself, for text chunks: camera, method, transfer function, quality.
 std::vector<std::pair<std::string, std::string>> texts_of(RenderReport const& report, Goal const& goal);
 /// What of the volume or the request is not shown as it is, a line each.

@@ -113,7 +113,11 @@ std::vector<std::pair<std::string, std::string>> texts_of(RenderReport const& r,
                                                            {"Method", r.method},
                                                            {"Unit distance", to_text(r.unit)},
                                                            {"Transfer function", transfer_to_json(r.transfer)}};
-    if (r.paths > 0) texts.emplace_back(samples_keyword, to_text(r.paths));
+    if (r.paths > 0) {
+        texts.emplace_back(samples_keyword, to_text(r.paths));
+        auto const last = r.first_path + static_cast<std::int64_t>(std::ceil(r.paths)) - 1;
+        texts.emplace_back(paths_keyword, text(r.seed, ":", r.first_path, "-", last));
+    }
     std::string quality = quality_text(r, goal);
     if (!quality.empty()) texts.emplace_back("Quality", std::move(quality));
     return texts;

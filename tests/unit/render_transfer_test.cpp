@@ -1,6 +1,7 @@
 // Transfer functions, tables, domains, cameras and pictures.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/settings.h"
@@ -10,6 +11,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <random>
 
 using namespace vkt;
@@ -182,6 +184,28 @@ TEST(RenderTransfer, HistogramsOfTheLargestAndSmallestDoubles) {
     }
 }
 
+// Metal in tissue: few values that reach far do not hide what most of the object is.
+TEST(RenderTransfer, FewFarValuesHideNoOthers) {
+    Header header;
+    header.dims = {64, 64, 64};
+    header.dtype = DataType::int16;
+    Volume volume(header);
+    auto const v = volume.mutable_view().as<std::int16_t>();
+    for (std::int64_t i = 0; i < 64 * 64 * 64; ++i) {
+        std::int64_t const x = i % 64 - 32, y = i / 64 % 64 - 32, z = i / 4096, squared = x * x + y * y;
+        std::int64_t const value = squared < 4 ? 400 + 16 * z : squared < 64 ? 240 : squared < 120 ? 120 : z % 2 * 40;
+        v(i % 64, i / 64 % 64, z) = static_cast<std::int16_t>(value);
+    }
+    Histogram const h = make_lattice(volume.view(), {}, default_execution()).histogram;
+    auto const transfer = choose_transfer(h, {"auto", h.least, h.greatest}, "", 64, 1).transfer;
+    double depth = 0; // of the 8 voxels of a wall of tissue
+    for (std::size_t i = 0; i + 1 < transfer.points.size(); ++i)
+        if (transfer.points[i].value <= 240 && transfer.points[i + 1].value > 240)
+            depth = -8 * std::log1p(-transfer.points[i].alpha);
+    EXPECT_GT(depth, 0.5) << transfer.points.front().value << " to " << transfer.points.back().value;
+    EXPECT_GT(transfer.points.front().value, 40);
+}
+
 TEST(RenderTransfer, ColourMaps) {
     for (std::string const& name : colormap_names())
         for (double x = 0; x <= 1; x += 0.01) {
@@ -217,6 +241,42 @@ TEST(RenderCamera, ShowsTheWholeVolume) {
                               make_ray(frame, 150 * edge, 100 * t, shown, ray);
             EXPECT_FALSE(touched) << view << " leaves the picture";
         }
+}
+
+// What is left free at the edges stays free, and the rest is used, for turned volumes, zooms and both projections.
+TEST(RenderCamera, LeavesRoomAtTheEdges) {
+    Geometry g;
+    g.direction = {{{0.6, 0.8, 0}, {-0.8, 0.6, 0}, {0, 0, -1}}};
+    auto const corners = corners_of(g, box_of({40, 11, 27}));
+    for (Projection const projection : {Projection::perspective, Projection::orthographic})
+        for (bool const steady : {false, true})
+            for (double const zoom : {1.0, 0.5})
+                for (double const aspect : {0.4, 1.0, 2.5}) {
+                    CameraRequest request;
+                    request.projection = projection;
+                    request.steady = steady;
+                    request.zoom = zoom;
+                    request.insets = {0.25, 0.15};
+                    Camera const c = make_camera(request, corners, aspect);
+                    Vec3 const ahead = unit(c.target - c.eye), right = unit(cross(ahead, c.up)),
+                               up = cross(right, ahead);
+                    double const half =
+                        projection == Projection::perspective ? std::tan(c.fov * std::numbers::pi / 360) : c.height / 2;
+                    double x[2] = {9, -9}, y[2] = {9, -9};
+                    for (Vec3 const& corner : corners) {
+                        Vec3 const way = corner - c.eye;
+                        double const depth = projection == Projection::perspective ? dot(way, ahead) : 1;
+                        double const u = dot(way, right) / (depth * half * aspect), v = dot(way, up) / (depth * half);
+                        x[0] = std::min(x[0], u), x[1] = std::max(x[1], u);
+                        y[0] = std::min(y[0], v), y[1] = std::max(y[1], v);
+                    }
+                    // The frame from -1 to 1 is left of 0.5 and above -0.7, its middle at -0.25 and 0.15.
+                    double const across = std::max(0.5 - 0.75 - x[0], x[1] - (0.5 - 0.75)) / 0.75,
+                                 along = std::max(0.15 - y[0], y[1] - 0.15) / 0.85, fills = std::max(across, along);
+                    EXPECT_LT(fills, zoom * 1.03) << aspect;
+                    EXPECT_GT(fills, zoom * (steady ? 0.5 : 0.94)) << aspect;
+                    EXPECT_NEAR(x[0] + x[1], -0.5, steady ? 0.2 : 0.1) << aspect;
+                }
 }
 
 // The direction of a view must not be lost to the size of the world's units.
