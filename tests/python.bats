@@ -437,8 +437,9 @@ EOF
 
 @test "render gives the picture of the command, as bytes, light or a file; a volume shows itself" {
     vkt render volume.nrrd --size 40x30 --view x --background 0,0,0,0 -o command.png
+    vkt render volume.nrrd --size 90x80 --annotate --caption 'two words' -o written.png 2>said || true
     python <<'EOF2'
-import struct, zlib
+import os, struct, zlib
 def rows_of(png):
     at, idat = 8, b""
     while at < len(png):
@@ -460,6 +461,13 @@ srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 
 assert np.abs(255 * srgb - p[..., :3])[a[..., 0] > 0.01].max() <= 0.51
 assert np.abs(255 * a - p[..., 3:]).max() <= 0.51
 assert (vkt.render(volume, size=8)[..., 3] == 255).all()
+# Annotated as on the command line, where there is a font.
+if os.path.exists("written.png"):
+    written = vkt.render(volume, size=(90, 80), annotate=True, caption="two words", format="png")
+    assert rows_of(written) == rows_of(open("written.png", "rb").read())
+else:
+    said = open("said").read()
+    assert "no font" in said or "without it" in said, said
 # In notebooks it is seen, and so is a part of it, with alpha or without; what is no picture is an array as others.
 shown = p._repr_png_()
 assert shown[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II5B", shown[16:29]) == (40, 30, 8, 6, 0, 0, 0)

@@ -243,8 +243,12 @@ public:
             for (std::int32_t const p : pixels) {
                 auto const i = static_cast<std::size_t>(p);
                 if (rays_[i] < rays) continue; // the time was up
-                edge_error_[i] = edge_error(i, rays, next.data());
+                edge_error_[i] = change_error(i, next.data());
                 std::copy_n(&next[4 * i], 4, &image_.pixels[4 * i]);
+            }
+            for (std::int32_t const p : pixels) {
+                auto const i = static_cast<std::size_t>(p);
+                if (rays_[i] == rays) edge_error_[i] = std::max(edge_error_[i], spread_error(i, rays));
             }
             crew_.set_error(quality().error);
             pixels =
@@ -308,17 +312,35 @@ private:
             if (coarser[i] != 0 && halvings_[i] > 0) --halvings_[i];
     }
 
-    /// From the mean of a quarter as many rays, and from the spread of these.
-    float edge_error(std::size_t i, int rays, float const* now) const {
-        double const change = levels_.apart(&image_.pixels[4 * i], now + 4 * i) / std::pow(4, 0.75);
-        double spread = 0;
+    /// From the mean of a quarter as many rays.
+    float change_error(std::size_t i, float const* now) const {
+        return static_cast<float>(levels_.apart(&image_.pixels[4 * i], now + 4 * i) / std::pow(4, 0.75));
+    }
+
+    /// From the spread of the rays, or from that of a neighbour's: its edge may pass this pixel between the rays. On a
+    /// display little light is much in the dark.
+    float spread_error(std::size_t i, int rays) const {
+        auto const x = static_cast<int>(i) % image_.width, y = static_cast<int>(i) / image_.width;
+        double error = 0;
         for (std::size_t c = 0; c < 4; ++c) {
-            double const mean = levels_.shown(now + 4 * i, c);
-            double const variance = std::max(0.0, squares_[4 * i + c] / rays - mean * mean);
-            // Floats of equal rays differ from their mean.
-            if (variance > 1e-12) spread = std::max(spread, std::sqrt(variance) * levels_.slope(mean, c));
+            double near = 0;
+            for (int v = std::max(0, y - 1); v <= std::min(image_.height - 1, y + 1); ++v)
+                for (int u = std::max(0, x - 1); u <= std::min(image_.width - 1, x + 1); ++u)
+                    near = std::max(near, spread(static_cast<std::size_t>(v) * static_cast<std::size_t>(image_.width) +
+                                                     static_cast<std::size_t>(u),
+                                                 c));
+            double const mean = levels_.shown(&image_.pixels[4 * i], c), level = levels_.level(mean, c),
+                         light = std::max(0.5 * spread(i, c), 0.25 * near) * std::pow(rays, -0.75);
+            error = std::max({error, levels_.level(mean + light, c) - level, level - levels_.level(mean - light, c)});
         }
-        return static_cast<float>(std::max(change, 0.5 * spread * std::pow(rays, -0.75)));
+        return static_cast<float>(error);
+    }
+
+    /// Standard deviation of a pixel's rays in linear light.
+    double spread(std::size_t i, std::size_t c) const {
+        double const mean = levels_.shown(&image_.pixels[4 * i], c),
+                     variance = squares_[4 * i + c] / std::max<int>(rays_[i], 1) - mean * mean;
+        return variance > 1e-12 ? std::sqrt(variance) : 0; // floats of equal rays differ from their mean
     }
 
     /// Pixels that are chosen, and their neighbours.

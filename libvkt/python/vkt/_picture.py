@@ -37,7 +37,8 @@ def render(volume: "Volume | np.ndarray", **options: Any) -> "np.ndarray | bytes
     from the top, which notebooks show: render(volume, view="x", size="640x480"),
     render(volume, render_algo="multi-scattering", noise=1).
 
-    Options are those of `vkt render` (man vkt-render): size, background, camera, transfer function, algorithm. `format`
+    Options are those of `vkt render` (man vkt-render): size, background, camera, transfer function, algorithm,
+    annotate and caption, but not those of files, windows and several pictures. `format`
     says what comes back: "uint8"; "float", linear light of the volume alone, premultiplied, and alpha, as float32;
     "png", the bytes of a file that says how it was made. What was lost is a warning."""
     return drawn(volume, options, 4)
