@@ -31,6 +31,29 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
     vkt history c.png | grep -q -- "--noise 8"
 }
 
+@test "pixels of surfaces within a tolerance: fewer than 2% are not, and none by five times" {
+    vkt make noise --dims 32 32 32 --dtype float32 --seed 4 | vkt filter gaussian --sigma 2 -o blobs.nrrd
+    vkt render blobs.nrrd -ra implicit-iso --iso 0.5 --spp 1 --size 1536 -o fine.pfm
+    for tolerance in 2 4 8; do
+        vkt render blobs.nrrd -ra implicit-iso --iso 0.5 --size 48 --tolerance $tolerance -o at.pfm --force
+        /usr/bin/python3 -c "
+import numpy as np
+def light(name):
+    f = open(name, 'rb')
+    f.readline()
+    w, h = map(int, f.readline().split())
+    f.readline()
+    return np.frombuffer(f.read(), '<f4').reshape(h, w, 3).astype(float)
+def levels(l):
+    l = np.clip(l, 0, 1)
+    return 255 * np.where(l > 0.0031308, 1.055 * l ** (1 / 2.4) - 0.055, 12.92 * l)
+fine = light('fine.pfm').reshape(48, 32, 48, 32, 3).mean((1, 3))
+error = np.abs(levels(light('at.pfm')) - levels(fine)).max(-1)
+print($tolerance, error.max(), (error > $tolerance).mean())
+assert error.max() < 5 * $tolerance and (error > $tolerance).mean() < 0.02"
+    done
+}
+
 @test "more is asked for than paths allow: said, and refused by --strict" {
     vkt render $f --size 16 $cloud --noise 0.5 --spp 20 -o a.png 2>err
     grep -q "not as good as asked for" err
