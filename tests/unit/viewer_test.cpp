@@ -546,6 +546,46 @@ TEST(Views, aNewPlaneCutsTheMiddleAndShowsWhatIsBehind) {
     EXPECT_NEAR(plane_facing(front(), header)[3], 10.5e-9, 1e-14);
 }
 
+/// As the window has it to show and to edit, of a picture that is drawn so.
+TransferEdit edit_shown(Volume const& volume, RenderSettings const& asked, Look const& look) {
+    View view;
+    view.width = view.height = 16, view.look = look;
+    return editable_transfer(asked, look, render::testing::render_one(volume, settings_of(asked, view)).report);
+}
+
+TEST(Views, whatIsToBeEditedHasTheColoursThatAreDrawn) {
+    Volume const volume = render::testing::blobs({12, 10, 8}, DataType::uint8);
+    RenderSettings const asked;
+    Look look = initial_view(asked).look;
+    EXPECT_EQ(edit_shown(volume, asked, look).colormap, "tissue");
+    for (auto const algorithm : {render::Algorithm::maximum, render::Algorithm::minimum, render::Algorithm::mean}) {
+        look.algorithm = algorithm;
+        TransferEdit const edit = edit_shown(volume, asked, look);
+        EXPECT_EQ(edit.colormap, "grey");
+        EXPECT_TRUE(edit.colors.empty());
+        // The same to the eye once it is the user's, and no opaque block where there are opacities.
+        View before, after;
+        before.width = before.height = after.width = after.height = 16;
+        before.look = after.look = look, after.look.transfer = edit;
+        EXPECT_LT(
+            render::testing::greatest_difference(render::testing::render_one(volume, settings_of(asked, before)).image,
+                                                 render::testing::render_one(volume, settings_of(asked, after)).image),
+            1e-5);
+        EXPECT_EQ(edit.knots.front().alpha, 0);
+        look.colormap = "viridis";
+        EXPECT_EQ(edit_shown(volume, asked, look).colormap, "viridis");
+        look.colormap.clear();
+    }
+    // A preset has a map of its own.
+    RenderSettings preset;
+    preset.preset = render::DataKind::density;
+    TransferEdit const edit = edit_shown(volume, preset, initial_view(preset).look);
+    View view;
+    view.width = view.height = 16, view.look = initial_view(preset).look;
+    auto const report = render::testing::render_one(volume, settings_of(preset, view)).report;
+    for (auto const& p : report.transfer.points) EXPECT_NEAR(color_at(edit, p.value).red, p.color.red, 1.5 / 255);
+}
+
 TEST(Views, inputsStayBeforeListsOfNumbers) {
     RenderSettings asked;
     asked.algorithm = render::Algorithm::implicit_iso;

@@ -123,13 +123,7 @@ void Panels::slice_views(Shown const& shown) {
         ValueAxis const grey{grey_lower, grey_upper > grey_lower ? grey_upper : grey_lower + 1, false};
         // Labels have the colours of the picture.
         std::vector<render::ShownLabel> const* const labels = shown.frame->report.labels.get();
-        auto const label_of = [&](double v) -> render::ShownLabel const* {
-            if (labels == nullptr || std::isnan(v)) return nullptr;
-            auto const at = std::lower_bound(labels->begin(), labels->end(), v, [](auto const& one, double number) {
-                return static_cast<double>(one.label) < number;
-            });
-            return at != labels->end() && static_cast<double>(at->label) == v ? &*at : nullptr;
-        };
+        auto const label_of = [&](double v) { return labels == nullptr ? nullptr : label_at(*labels, v); };
         auto const paint_of = [&](float v) {
             if (std::isnan(v)) return IM_COL32(40, 20, 30, 255);
             if (labels == nullptr) {
