@@ -322,11 +322,22 @@ int next_paths(int done, int wanted, int last, double seconds) {
     return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
+Index3 voxel_at(std::array<double, 3> const& shares, Index3 dims) {
+    Index3 voxel;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const place = std::floor(shares[static_cast<std::size_t>(axis)] * static_cast<double>(dims[axis]));
+        voxel[axis] = std::clamp<std::int64_t>(static_cast<std::int64_t>(place), 0, dims[axis] - 1);
+    }
+    return voxel;
+}
+
 namespace {
 
 /// Named after the input, with a number before the tail where the name is in use.
 std::string free_name(std::string const& input_name, std::string const& tail) {
-    std::string stem = std::filesystem::path(input_name).stem().string();
+    std::filesystem::path const path(input_name);
+    std::string stem = path.stem().string();
+    if (path.extension() == ".gz") stem = std::filesystem::path(stem).stem().string(); // head.nii.gz
     if (stem.empty() || stem == "-") stem = "volume";
     std::string name = stem + tail;
     // A dangling link is a name in use as well.

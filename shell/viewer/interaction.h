@@ -94,6 +94,9 @@ double refined_effort(double effort, double seconds);
 /// second. `seconds` is what the last pass of `last` paths took.
 int next_paths(int done, int wanted, int last, double seconds);
 
+/// The voxel that a point lies in, given as shares of the volume's extent.
+Index3 voxel_at(std::array<double, 3> const& shares, Index3 dims);
+
 /// "NAME.png" or the first of "NAME-2.png", "NAME-3.png", … that is still free.
 std::string free_picture_name(std::string const& input_name);
 /// The same as a word of a command line; of `several` volumes with a place for their number, as in "NAME-%04d.png".

@@ -367,6 +367,12 @@ TransferEdit preset(std::string const& name, Histogram const& histogram, Transfe
     throw Error(ErrorKind::usage, text("'", name, "' is not one of ", join(preset_names(), ", ")));
 }
 
+ValueAxis grey_axis(Histogram const& histogram) {
+    double const lower = histogram.percentile(0.005), upper = histogram.percentile(0.999);
+    if (lower < upper) return {lower, upper, false};
+    return {histogram.least, histogram.greatest, false}; // most of it is background
+}
+
 std::vector<float> log_columns(Histogram const& histogram, ValueAxis const& axis, std::size_t columns) {
     std::vector<double> counts(columns, 0);
     std::vector<std::size_t> gaps;

@@ -82,6 +82,9 @@ struct OpacityAxis {
     double alpha(double place) const;
 };
 
+/// Values from black to white in slices: but for a few outliers all of them. lower = upper if there is only one.
+ValueAxis grey_axis(render::Histogram const& histogram);
+
 /// Counts of the histogram per column of a picture as wide as the axis, as logarithms, 0 to 1. Where values come in
 /// steps, as integers do, each stands for as much: there are no gaps between them.
 std::vector<float> log_columns(render::Histogram const& histogram, ValueAxis const& axis, std::size_t columns);

@@ -308,6 +308,8 @@ TEST(Names, neverThoseInUse) {
     EXPECT_EQ(output_word("head.nrrd", false), "head-3.png");
     EXPECT_EQ(output_word("my 5% head.nrrd", false), "'my 5%% head.png'");
     EXPECT_EQ(output_word("head.nrrd", true), "head-%04d.png");
+    EXPECT_EQ(output_word("example4d.nii.gz", true), "example4d-%04d.png");
+    EXPECT_EQ(free_picture_name("scan.2.raw.gz"), "scan.2.png");
     std::ofstream("head-0000.png") << "precious";
     EXPECT_EQ(output_word("head.nrrd", true), "head-2-%04d.png");
     std::filesystem::current_path(before);
@@ -584,6 +586,14 @@ TEST(Views, whatIsToBeEditedHasTheColoursThatAreDrawn) {
     view.width = view.height = 16, view.look = initial_view(preset).look;
     auto const report = render::testing::render_one(volume, settings_of(preset, view)).report;
     for (auto const& p : report.transfer.points) EXPECT_NEAR(color_at(edit, p.value).red, p.color.red, 1.5 / 255);
+}
+
+TEST(Slices, aPointLiesInAVoxelUpToItsEdges) {
+    Index3 const dims{4, 1, 10};
+    EXPECT_EQ(voxel_at({0, 0, 0}, dims), (Index3{0, 0, 0}));
+    EXPECT_EQ(voxel_at({0.249, 0.5, 0.1}, dims), (Index3{0, 0, 1}));
+    EXPECT_EQ(voxel_at({0.25, 0.999999, 0.999999}, dims), (Index3{1, 0, 9}));
+    EXPECT_EQ(voxel_at({1, 1, 1}, dims), (Index3{3, 0, 9}));
 }
 
 TEST(Views, inputsStayBeforeListsOfNumbers) {

@@ -118,16 +118,16 @@ void Panels::slice_views(Shown const& shown) {
     ImGui::SetNextWindowSize({width, height}, ImGuiCond_Appearing);
     ImGui::SetNextWindowBgAlpha(0.92F);
     if (ImGui::Begin("Slices", &slices, ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoScrollbar)) {
-        double const grey_lower = volume.histogram().percentile(0.005),
-                     grey_upper = volume.histogram().percentile(0.999);
-        ValueAxis const grey{grey_lower, grey_upper > grey_lower ? grey_upper : grey_lower + 1, false};
+        ValueAxis const grey = grey_axis(volume.histogram());
         // Labels have the colours of the picture.
         std::vector<render::ShownLabel> const* const labels = shown.frame->report.labels.get();
         auto const label_of = [&](double v) { return labels == nullptr ? nullptr : label_at(*labels, v); };
         auto const paint_of = [&](float v) {
             if (std::isnan(v)) return IM_COL32(40, 20, 30, 255);
             if (labels == nullptr) {
-                auto const shade = static_cast<int>(255 * std::clamp(grey.place(static_cast<double>(v)), 0.0, 1.0));
+                // Of a single value there is neither black nor white.
+                double const place = grey.lower < grey.upper ? grey.place(static_cast<double>(v)) : 0.5;
+                auto const shade = static_cast<int>(255 * std::clamp(place, 0.0, 1.0));
                 return IM_COL32(shade, shade, shade, 255);
             }
             render::ShownLabel const* const one = label_of(static_cast<double>(v));
@@ -222,8 +222,8 @@ void Panels::slice_views(Shown const& shown) {
             here[axis] = crosshair[static_cast<std::size_t>(axis)] * static_cast<double>(dims[axis]) - 0.5;
         double const at_cross = volume.value_at(here);
         ImGui::SetCursorScreenPos({start.x, start.y + tall + 4});
-        ImGui::TextDisabled("%s", text("voxel ", std::lround(here.x), ", ", std::lround(here.y), ", ",
-                                       std::lround(here.z), ": ", words_of_value(at_cross),
+        Index3 const voxel = voxel_at(crosshair, dims);
+        ImGui::TextDisabled("%s", text("voxel ", voxel.x, ", ", voxel.y, ", ", voxel.z, ": ", words_of_value(at_cross),
                                        volume.header().units.empty() ? "" : " ", volume.header().units)
                                       .c_str());
     }
