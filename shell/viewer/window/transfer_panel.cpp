@@ -97,8 +97,12 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
     ImGui::SetNextItemWidth(half);
     typed = input("domain", upper) || typed;
     if (typed) {
-        set_domain(edit, lower, upper, false);
-        changed = true;
+        if (lower < upper) {
+            set_domain(edit, lower, upper, false);
+            changed = true;
+        } else {
+            remark = text("the domain stays: ", short_number(lower), " is not below ", short_number(upper));
+        }
     }
     ImGui::BeginDisabled(!(edit.lower > 0));
     if (ImGui::Checkbox("colours over log(value)", &edit.logarithmic)) changed = true;
