@@ -53,6 +53,9 @@ std::size_t move_color(TransferEdit& edit, std::size_t index, double value);
 /// The last one stays.
 void remove_color(TransferEdit& edit, std::size_t index);
 
+/// The number with the fewest digits that is no further from this one.
+double rounded_within(double value, double tolerance);
+
 /// What the settings show then: words of the command line where these suffice (a map over a range, opacities at
 /// values), a function of its own otherwise.
 void apply(TransferEdit const& edit, render::RenderSettings& settings);

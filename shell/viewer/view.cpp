@@ -103,7 +103,7 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     request.eye = view.camera->eye, request.target = view.camera->target, request.up = view.camera->up;
     request.projection = view.camera->projection;
     if (request.projection == Projection::perspective)
-        request.fov = view.camera->fov;
+        request.fov = rounded_within(view.camera->fov, 1e-9 * view.camera->fov); // which comes from a tangent
     else
         request.span = view.camera->height;
     s.camera = request;

@@ -596,6 +596,24 @@ TEST(Slices, aPointLiesInAVoxelUpToItsEdges) {
     EXPECT_EQ(voxel_at({1, 1, 1}, dims), (Index3{3, 0, 9}));
 }
 
+TEST(Views, numbersAreSaidWithoutNeedlessDigits) {
+    EXPECT_EQ(rounded_within(29.999999999999996, 3e-8), 30);
+    EXPECT_EQ(rounded_within(0.1234567, 0), 0.1234567);
+    EXPECT_EQ(rounded_within(-1234.5678, 0.2), -1234.6);
+    EXPECT_EQ(rounded_within(0, 0), 0);
+    RenderSettings const asked;
+    View view = initial_view(asked);
+    view.camera = front();
+    view.camera->fov = 29.999999999999996;
+    TransferEdit edit;
+    edit.lower = 0.1 + 0.2, edit.upper = 200;
+    edit.knots = {{edit.lower, 0}, {90, 0.1 * 3}, {150, 0.9}};
+    view.look.transfer = edit;
+    EXPECT_EQ(join(words_of({"render", "a.nrrd"}, asked, view), " "),
+              "render a.nrrd --colormap viridis --opacity 0.3:0,90:0.3,150:0.9 --domain 0.3:200 --eye 0,-10,0 "
+              "--target 0,0,0 --up 0,0,1 --fov 30");
+}
+
 TEST(Views, inputsStayBeforeListsOfNumbers) {
     RenderSettings asked;
     asked.algorithm = render::Algorithm::implicit_iso;

@@ -141,7 +141,7 @@ void Window::draw_picture(Area const& area) {
 void Window::draw() {
     int width = 0, height = 0;
     glfwGetFramebufferSize(window_, &width, &height);
-    if (width < 1 || height < 1) return;
+    if (width < 1 || height < 1) return keys_were_seen(); // minimised
     ImGui_ImplOpenGL3_NewFrame();
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
