@@ -26,12 +26,17 @@ bool has_opacities(View const& view, Shown const& shown) {
     return render::applies("opacity", view.look.algorithm) && shown.frame->report.labels == nullptr;
 }
 
-/// Where labels are drawn, values between them have no colour.
+/// Where labels are drawn, that of the nearest one; 0 is none.
 Color shown_color(Shown const& shown, TransferEdit const& edit, double value) {
     auto const& labels = shown.frame->report.labels;
     if (labels == nullptr) return color_at(edit, value);
-    render::ShownLabel const* const one = label_at(*labels, std::round(value));
-    return one == nullptr ? Color{0.15, 0.15, 0.15} : one->color;
+    Color color{0.15, 0.15, 0.15};
+    double nearest = std::abs(value);
+    for (render::ShownLabel const& one : *labels) {
+        double const distance = std::abs(static_cast<double>(one.label) - value);
+        if (distance < nearest) nearest = distance, color = one.color;
+    }
+    return color;
 }
 
 void combo_of_maps(TransferEdit& edit, bool labels, bool& changed) {
