@@ -36,7 +36,6 @@ void Window::listen_to_keys() {
 /// Dear ImGui sees what is pressed when a frame is drawn, and before it knows that text is meant for a field it has to
 /// see the click into it, and after it the key that leaves it. What comes faster waits for the next frame.
 void Window::type(Key const& key) {
-    frames_left_ = std::max(frames_left_, 3);
     typed_.push_back(key);
     take_keys();
 }
@@ -48,6 +47,7 @@ void Window::take_keys() {
         // No key is pressed and released in one frame, and what is pressed after text has been typed follows it.
         if (change && (changed_keys_.contains(key.which) || (characters_ && key.action == GLFW_PRESS))) return;
         typed_.pop_front();
+        frames_left_ = std::max(frames_left_, 3);
         if (key.character != 0) {
             characters_ = true;
             ImGui_ImplGlfw_CharCallback(window_, key.character);

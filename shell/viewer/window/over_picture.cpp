@@ -118,7 +118,7 @@ std::array<float, 2> Panels::free_column(Area const& p) const {
     float const line = ImGui::GetTextLineHeight();
     float top = p.y + line + 16, bottom = p.y + p.height - line - 32;
     for (Area const& a : floating_) {
-        if (a.x > p.x + 90 || a.y > bottom || a.y + a.height < top) continue;
+        if (a.x > p.x + 6.5F * line || a.y > bottom || a.y + a.height < top) continue;
         float const above = a.y - 8, below = a.y + a.height + 8;
         if (above - top > bottom - below)
             bottom = above;
@@ -262,8 +262,8 @@ void Panels::slice_views(Shown const& shown) {
 void Panels::help_window(Shown const& shown) {
     Area const& p = shown.picture;
     // Where panels have no room, there is none for a margin either.
-    ImVec2 const all = ImGui::GetIO().DisplaySize;
-    bool const whole = p.width >= all.x && (p.width < 560 || p.height < 660);
+    float const line = ImGui::GetTextLineHeight();
+    bool const whole = p.width >= ImGui::GetIO().DisplaySize.x && (p.width < 40 * line || p.height < 47 * line);
     float const margin = whole ? 0 : 12, around = whole ? 0 : 16;
     ImGui::SetNextWindowPos({p.x + margin, p.y + margin}, whole ? ImGuiCond_Always : ImGuiCond_Appearing);
     ImGui::SetNextWindowSizeConstraints(whole ? ImVec2{p.width, p.height} : ImVec2{0, 0},
