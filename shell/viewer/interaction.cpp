@@ -322,6 +322,20 @@ int next_paths(int done, int wanted, int last, double seconds) {
     return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
+Camera shortened(Camera const& camera) {
+    constexpr double share = 1e-9; // of what a picture spans: a millionth of a pixel
+    Vec3 const sight = camera.target - camera.eye;
+    double const distance = std::hypot(sight.x, sight.y, sight.z);
+    auto const rounded = [](Vec3 const& v, double tolerance) {
+        return Vec3{rounded_within(v.x, tolerance), rounded_within(v.y, tolerance), rounded_within(v.z, tolerance)};
+    };
+    Camera c = camera;
+    c.eye = rounded(c.eye, share * distance), c.target = rounded(c.target, share * distance);
+    c.up = rounded(c.up, share);
+    c.fov = rounded_within(c.fov, share * c.fov), c.height = rounded_within(c.height, share * c.height);
+    return c;
+}
+
 Index3 voxel_at(std::array<double, 3> const& shares, Index3 dims) {
     Index3 voxel;
     for (int axis = 0; axis < 3; ++axis) {

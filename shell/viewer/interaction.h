@@ -26,6 +26,9 @@ render::Camera pan(render::Camera const& camera, Movement movement);
 /// Notches of the wheel: positive ones enlarge. Stays within a thousandth and a thousand times what `home` spans.
 render::Camera zoom(render::Camera const& camera, double notches, render::Camera const& home);
 
+/// The camera with as few digits as show the same, so that commands stay short.
+render::Camera shortened(render::Camera const& camera);
+
 /// Both together forwards, a share of what the picture spans per step; through things, if need be.
 render::Camera fly(render::Camera const& camera, double steps);
 /// From the side of an axis (0 to 2), `behind`: from its lower end; as far away and with the same lens.

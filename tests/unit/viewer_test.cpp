@@ -588,6 +588,20 @@ TEST(Views, whatIsToBeEditedHasTheColoursThatAreDrawn) {
     for (auto const& p : report.transfer.points) EXPECT_NEAR(color_at(edit, p.value).red, p.color.red, 1.5 / 255);
 }
 
+TEST(Views, aCameraThatHandsHaveMovedHasFewDigits) {
+    Camera camera = front();
+    camera.target = {1.0 / 3, 100, 0};
+    camera.fov = 29.999999999999996;
+    Camera const few = shortened(orbit(camera, {0.1, 0.2}));
+    EXPECT_EQ(few.fov, 30);
+    EXPECT_LT(distance(few.eye, orbit(camera, {0.1, 0.2}).eye), 3e-7);
+    EXPECT_LT(distance(few.up, orbit(camera, {0.1, 0.2}).up), 2e-9);
+    for (double const v : {few.eye.x, few.eye.y, few.eye.z, few.up.x, few.up.y, few.up.z, few.target.x})
+        EXPECT_LE(to_text(v).size(), 12U) << to_text(v);
+    EXPECT_EQ(shortened(few).eye, few.eye);
+    EXPECT_EQ(shortened(front()).eye, front().eye);
+}
+
 TEST(Slices, aPointLiesInAVoxelUpToItsEdges) {
     Index3 const dims{4, 1, 10};
     EXPECT_EQ(voxel_at({0, 0, 0}, dims), (Index3{0, 0, 0}));

@@ -95,7 +95,7 @@ void Window::press(int button, int action, int modifiers) {
 
 template <class Change> void Window::change_camera(Change change) {
     if (!home_) return;
-    view_.camera = change(view_.camera.value_or(*home_));
+    view_.camera = shortened(change(view_.camera.value_or(*home_)));
     show_view();
 }
 
