@@ -322,17 +322,26 @@ int next_paths(int done, int wanted, int last, double seconds) {
     return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
+namespace {
+
+/// To nine digits of what `size` has before the point: a grid, so that what is rounded once stays.
+double on_grid(double v, double size) {
+    if (!(size > 0) || !std::isfinite(size)) return v;
+    // Sizes are round numbers rather than three times a power of ten, where a last digit would change the grid.
+    double const digits = 9 - std::floor(std::log10(size / 3)), power = std::pow(10.0, std::abs(digits));
+    return (digits < 0 ? std::round(v / power) * power : std::round(v * power) / power) + 0.0;
+}
+
+Vec3 on_grid(Vec3 const& v, double size) { return {on_grid(v.x, size), on_grid(v.y, size), on_grid(v.z, size)}; }
+
+} // namespace
+
 Camera shortened(Camera const& camera) {
-    constexpr double share = 1e-9; // of what a picture spans: a millionth of a pixel
     Vec3 const sight = camera.target - camera.eye;
     double const distance = std::hypot(sight.x, sight.y, sight.z);
-    auto const rounded = [](Vec3 const& v, double tolerance) {
-        return Vec3{rounded_within(v.x, tolerance), rounded_within(v.y, tolerance), rounded_within(v.z, tolerance)};
-    };
     Camera c = camera;
-    c.eye = rounded(c.eye, share * distance), c.target = rounded(c.target, share * distance);
-    c.up = rounded(c.up, share);
-    c.fov = rounded_within(c.fov, share * c.fov), c.height = rounded_within(c.height, share * c.height);
+    c.eye = on_grid(c.eye, distance), c.target = on_grid(c.target, distance), c.up = on_grid(c.up, 1);
+    c.fov = on_grid(c.fov, 10), c.height = on_grid(c.height, c.height);
     return c;
 }
 

@@ -67,8 +67,8 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
             ValueAxis const axis{edit.lower, edit.upper, edit.logarithmic};
             // In the middle, unless something is there; half a line of words stands out at either end.
             float const height = std::min({0.5F * p.height, 240.0F, column_bottom - column_top - line}), x = p.x + 14;
-            float const y =
-                std::clamp(p.y + (p.height - height) / 2, column_top + line / 2, column_bottom - line / 2 - height);
+            float const y = std::max(column_top + line / 2,
+                                     std::min(p.y + (p.height - height) / 2, column_bottom - line / 2 - height));
             for (int i = 0; i < 64; ++i)
                 list.AddRectFilled({x, y + height * static_cast<float>(63 - i) / 64},
                                    {x + 14, y + height * static_cast<float>(64 - i) / 64},
