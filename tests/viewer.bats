@@ -859,3 +859,138 @@ shown() {
     titled ' ms - this is the last volume'
     quits
 }
+
+# colours_in FILE: the pixels of a screenshot, as the python variable seen (rows, columns, red to blue).
+colours_in() {
+    echo "import numpy as np
+raw = open('$1', 'rb').read()
+w, h = map(int, raw.split(b' ', 3)[1:3])
+seen = np.frombuffer(raw[-w * h * 3:], np.uint8).reshape(h, w, 3).astype(int)"
+}
+
+@test "what is greatest along rays is shown in its own colours in the panels, too" {
+    python_with numpy
+    with_display
+    opens
+    # The strip of colours between its ends.
+    screenshot 336 184 284 7 march.ppm
+    presses k
+    titled 'maximum, .* ms'
+    screenshot 336 184 284 7 greatest.ppm
+    /usr/bin/python3 -c "$(colours_in greatest.ppm)
+assert seen[:, :, 0].max() > 240 and (np.ptp(seen, axis=2) == 0).all()
+$(colours_in march.ppm)
+assert np.ptp(seen, axis=2).max() > 50"
+    # No knot where there are no opacities.
+    clicks 520 60
+    titled 'maximum, automatic colours, .* ms'
+    quits
+}
+
+@test "a number that is typed faster than frames are drawn is taken" {
+    with_display
+    size=320x320
+    opens
+    for upper in 91 92.5 93; do
+        xdotool mousemove --window "$window" 460 244
+        sleep 0.3
+        read -ra digits <<<"$(sed 's/\./period/; s/[0-9]/& /g; s/period/period /' <<<"$upper")"
+        xdotool click 1 key --delay 0 ctrl+a "${digits[@]}" Return
+        titled 'edited colours, [0-9]+ ms.*'
+        sleep 0.5
+        presses p
+        titled 'the command is in the terminal'
+        said=$(command_of)
+        echo "$said"
+        [[ "$said" == *"--domain "*":$upper "* ]]
+    done
+    # Lower than the lower end it cannot be.
+    xdotool mousemove --window "$window" 460 244
+    sleep 0.3
+    xdotool click 1 key --delay 0 ctrl+a minus 5 Return
+    titled 'the domain stays: .* is not below -5'
+    quits
+}
+
+@test "narrow windows are all picture, and slices follow the window's size" {
+    python_with numpy
+    with_display
+    opens
+    xdotool windowsize --sync "$window" 400 300
+    titled ' [0-9]+ ms'
+    sleep 0.5
+    saves block_24x18x30_uint8.png
+    [ "$(/usr/bin/python3 -c "
+import struct
+print(*struct.unpack('>II', open('block_24x18x30_uint8.png', 'rb').read()[16:24]))")" = '400 300' ]
+    presses g
+    titled 'the window is too narrow for panels'
+    presses l
+    # How far the frames of the slices, red and blue, reach.
+    frames="blue = (seen == [85, 145, 250]).all(axis=2).any(axis=0).nonzero()[0]
+red = (seen == [235, 85, 75]).all(axis=2).any(axis=0).nonzero()[0]
+print(red.min(), blue.max())"
+    screenshot 0 0 400 300 small.ppm
+    xdotool windowsize --sync "$window" 780 680
+    sleep 1
+    screenshot 0 0 450 680 large.ppm
+    xdotool windowsize --sync "$window" 400 300
+    sleep 1
+    screenshot 0 0 400 300 again.ppm
+    /usr/bin/python3 -c "$(colours_in small.ppm)
+$frames
+assert red.min() < 60 and 340 < blue.max() < 400
+$(colours_in large.ppm)
+$frames
+assert red.min() < 60 and 380 < blue.max() < 450
+$(colours_in again.ppm)
+$frames
+assert red.min() < 60 and 340 < blue.max() < 400"
+    # The help is read there, too: it has the window.
+    presses h
+    screenshot 0 0 400 300 help.ppm
+    /usr/bin/python3 -c "$(colours_in help.ppm)
+text = seen.max(axis=2) > 120
+print(text.sum(), 'pixels of text')
+assert text[40:, 130:].sum() > 2000 and not (seen == [85, 145, 250]).all(axis=2).any()"
+    quits
+}
+
+@test "slices leave scale bar and axes free" {
+    python_with numpy
+    with_display
+    opens
+    presses l
+    presses v
+    for size in '512 512' '780 500'; do
+        read -r width height <<<"$size"
+        xdotool windowsize --sync "$window" "$width" "$height"
+        titled ' [0-9]+ ms'
+        xdotool mousemove 790 690
+        sleep 0.5
+        picture=$((width < 580 ? width : width - 330))
+        screenshot 0 0 $picture "$height" seen.ppm
+        /usr/bin/python3 -c "$(colours_in seen.ppm)
+bar = (seen[h - 16] == 255).all(axis=1)
+axes = seen[h - 100:, w - 100:]
+blue = (axes == [85, 145, 250]).all(axis=2).sum()
+print(bar.sum(), 'points of the scale bar,', blue, 'of an axis')
+assert bar.sum() > 20 and blue > 30"
+    done
+    quits
+}
+
+@test "slices of a volume of one value are mid grey" {
+    python_with numpy
+    with_display
+    /usr/bin/python3 -c "open('flat_8x8x8_uint8.raw', 'wb').write(bytes([7]) * 512)"
+    volume=flat_8x8x8_uint8.raw
+    opens
+    presses l
+    screenshot 0 0 320 240 flat.ppm
+    /usr/bin/python3 -c "$(colours_in flat.ppm)
+grey = (abs(seen - 127) <= 1).all(axis=2).sum()
+print(grey, 'pixels of mid grey')
+assert grey > 5000"
+    quits
+}

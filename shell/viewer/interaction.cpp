@@ -324,9 +324,43 @@ int next_paths(int done, int wanted, int last, double seconds) {
 
 namespace {
 
+/// To nine digits of what `size` has before the point: a grid, so that what is rounded once stays.
+double on_grid(double v, double size) {
+    if (!(size > 0) || !std::isfinite(size)) return v;
+    // Sizes are round numbers rather than three times a power of ten, where a last digit would change the grid.
+    double const digits = 9 - std::floor(std::log10(size / 3)), power = std::pow(10.0, std::abs(digits));
+    return (digits < 0 ? std::round(v / power) * power : std::round(v * power) / power) + 0.0;
+}
+
+Vec3 on_grid(Vec3 const& v, double size) { return {on_grid(v.x, size), on_grid(v.y, size), on_grid(v.z, size)}; }
+
+} // namespace
+
+Camera shortened(Camera const& camera) {
+    Vec3 const sight = camera.target - camera.eye;
+    double const distance = std::hypot(sight.x, sight.y, sight.z);
+    Camera c = camera;
+    c.eye = on_grid(c.eye, distance), c.target = on_grid(c.target, distance), c.up = on_grid(c.up, 1);
+    c.fov = on_grid(c.fov, 10), c.height = on_grid(c.height, c.height);
+    return c;
+}
+
+Index3 voxel_at(std::array<double, 3> const& shares, Index3 dims) {
+    Index3 voxel;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const place = std::floor(shares[static_cast<std::size_t>(axis)] * static_cast<double>(dims[axis]));
+        voxel[axis] = std::clamp<std::int64_t>(static_cast<std::int64_t>(place), 0, dims[axis] - 1);
+    }
+    return voxel;
+}
+
+namespace {
+
 /// Named after the input, with a number before the tail where the name is in use.
 std::string free_name(std::string const& input_name, std::string const& tail) {
-    std::string stem = std::filesystem::path(input_name).stem().string();
+    std::filesystem::path const path(input_name);
+    std::string stem = path.stem().string();
+    if (path.extension() == ".gz") stem = std::filesystem::path(stem).stem().string(); // head.nii.gz
     if (stem.empty() || stem == "-") stem = "volume";
     std::string name = stem + tail;
     // A dangling link is a name in use as well.

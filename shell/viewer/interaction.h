@@ -26,6 +26,9 @@ render::Camera pan(render::Camera const& camera, Movement movement);
 /// Notches of the wheel: positive ones enlarge. Stays within a thousandth and a thousand times what `home` spans.
 render::Camera zoom(render::Camera const& camera, double notches, render::Camera const& home);
 
+/// The camera with as few digits as show the same, so that commands stay short.
+render::Camera shortened(render::Camera const& camera);
+
 /// Both together forwards, a share of what the picture spans per step; through things, if need be.
 render::Camera fly(render::Camera const& camera, double steps);
 /// From the side of an axis (0 to 2), `behind`: from its lower end; as far away and with the same lens.
@@ -93,6 +96,9 @@ double refined_effort(double effort, double seconds);
 /// Paths a pixel of the next pass that adds to those there are: a few at once, then as many as take a quarter of a
 /// second. `seconds` is what the last pass of `last` paths took.
 int next_paths(int done, int wanted, int last, double seconds);
+
+/// The voxel that a point lies in, given as shares of the volume's extent.
+Index3 voxel_at(std::array<double, 3> const& shares, Index3 dims);
 
 /// "NAME.png" or the first of "NAME-2.png", "NAME-3.png", … that is still free.
 std::string free_picture_name(std::string const& input_name);

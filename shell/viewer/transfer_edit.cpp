@@ -9,9 +9,11 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <limits>
 
 namespace vkt::shell::viewer {
 
@@ -163,22 +165,51 @@ void remove_color(TransferEdit& edit, std::size_t index) {
     if (edit.colors.size() > 1) edit.colors.erase(edit.colors.begin() + static_cast<std::ptrdiff_t>(index));
 }
 
+double rounded_within(double value, double tolerance) {
+    std::array<char, 64> digits{};
+    for (int count = 1; count < std::numeric_limits<double>::max_digits10; ++count) {
+        auto const written =
+            std::to_chars(digits.data(), digits.data() + digits.size(), value, std::chars_format::general, count);
+        double const rounded = parse_double({digits.data(), written.ptr});
+        if (std::abs(rounded - value) <= tolerance) return rounded;
+    }
+    return value;
+}
+
+namespace {
+
+/// As many digits as a hand on a screen means, so that commands stay short. What is drawn has these numbers, too.
+struct Shortening {
+    double span = 1; ///< of the colours
+    static constexpr double share = 1e-6;
+    double value(double v) const { return rounded_within(v, share * std::min(span, std::abs(v))); }
+    static double alpha(double a) { return rounded_within(a, share * a); }
+    static Color color(Color const& c) {
+        return {rounded_within(c.red, share), rounded_within(c.green, share), rounded_within(c.blue, share)};
+    }
+};
+
+} // namespace
+
 void apply(TransferEdit const& edit, render::RenderSettings& settings) {
+    Shortening const shortened{edit.upper - edit.lower};
     settings.transfer.reset();
     settings.lut.clear();
     settings.preset.reset();
     if (!edit.colors.empty() || edit.logarithmic) {
         settings.transfer = function_of(edit);
+        for (auto& p : settings.transfer->points)
+            p = {shortened.value(p.value), shortened.color(p.color), shortened.alpha(p.alpha)};
         settings.colormap.clear();
         settings.opacity = settings.domain = "auto";
         return;
     }
     settings.colormap = edit.colormap;
-    settings.domain = text(edit.lower, ":", edit.upper);
+    settings.domain = text(shortened.value(edit.lower), ":", shortened.value(edit.upper));
     settings.opacity.clear();
     for (OpacityKnot const& k : edit.knots) {
         if (!settings.opacity.empty()) settings.opacity += ",";
-        settings.opacity += text(k.value, ":", k.alpha);
+        settings.opacity += text(shortened.value(k.value), ":", shortened.alpha(k.alpha));
     }
 }
 
@@ -365,6 +396,12 @@ TransferEdit preset(std::string const& name, Histogram const& histogram, Transfe
         return edit;
     }
     throw Error(ErrorKind::usage, text("'", name, "' is not one of ", join(preset_names(), ", ")));
+}
+
+ValueAxis grey_axis(Histogram const& histogram) {
+    double const lower = histogram.percentile(0.005), upper = histogram.percentile(0.999);
+    if (lower < upper) return {lower, upper, false};
+    return {histogram.least, histogram.greatest, false}; // most of it is background
 }
 
 std::vector<float> log_columns(Histogram const& histogram, ValueAxis const& axis, std::size_t columns) {

@@ -53,6 +53,9 @@ std::size_t move_color(TransferEdit& edit, std::size_t index, double value);
 /// The last one stays.
 void remove_color(TransferEdit& edit, std::size_t index);
 
+/// The number with the fewest digits that is no further from this one.
+double rounded_within(double value, double tolerance);
+
 /// What the settings show then: words of the command line where these suffice (a map over a range, opacities at
 /// values), a function of its own otherwise.
 void apply(TransferEdit const& edit, render::RenderSettings& settings);
@@ -81,6 +84,9 @@ struct OpacityAxis {
     double place(double alpha) const;
     double alpha(double place) const;
 };
+
+/// Values from black to white in slices: but for a few outliers all of them. lower = upper if there is only one.
+ValueAxis grey_axis(render::Histogram const& histogram);
 
 /// Counts of the histogram per column of a picture as wide as the axis, as logarithms, 0 to 1. Where values come in
 /// steps, as integers do, each stands for as much: there are no gaps between them.

@@ -13,6 +13,7 @@
 #include <numbers>
 #include <numeric>
 #include <string_view>
+#include <utility>
 
 namespace vkt::shell::viewer {
 
@@ -102,7 +103,7 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     request.eye = view.camera->eye, request.target = view.camera->target, request.up = view.camera->up;
     request.projection = view.camera->projection;
     if (request.projection == Projection::perspective)
-        request.fov = view.camera->fov;
+        request.fov = rounded_within(view.camera->fov, 1e-9 * view.camera->fov); // which comes from a tangent
     else
         request.span = view.camera->height;
     s.camera = request;
@@ -217,6 +218,13 @@ bool may_draw_labels(RenderSettings const& asked, Look const& look) {
     return render::draws_labels(settings_of(asked, view), {});
 }
 
+render::ShownLabel const* label_at(std::vector<render::ShownLabel> const& labels, double value) {
+    auto const at = std::lower_bound(labels.begin(), labels.end(), value, [](auto const& one, double number) {
+        return static_cast<double>(one.label) < number;
+    });
+    return at != labels.end() && static_cast<double>(at->label) == value ? &*at : nullptr;
+}
+
 Algorithm next_projection(Algorithm algorithm) {
     return algorithm == Algorithm::maximum   ? Algorithm::minimum
            : algorithm == Algorithm::minimum ? Algorithm::mean
@@ -233,10 +241,39 @@ std::string next_colormap(std::string const& current, std::string const& asked) 
     return found == names.end() || found + 1 == names.end() ? names.front() : *(found + 1);
 }
 
+namespace {
+
+/// Whether the colours of the edit are those of the function, as far as pictures can show.
+bool shows_colors(TransferEdit const& edit, render::TransferFunction const& function) {
+    return std::all_of(function.points.begin(), function.points.end(), [&](render::ControlPoint const& p) {
+        render::Color const c = color_at(edit, p.value);
+        return std::max({std::abs(c.red - p.color.red), std::abs(c.green - p.color.green),
+                         std::abs(c.blue - p.color.blue)}) <= 0.5 / 255;
+    });
+}
+
+} // namespace
+
 TransferEdit editable_transfer(RenderSettings const& asked, Look const& look, render::RenderReport const& report) {
     if (look.transfer) return *look.transfer;
-    std::string const map = look.colormap.empty() ? "tissue" : look.colormap;
-    TransferEdit edit = edit_of(report.transfer, has_colormap(asked) ? map : "");
+    if (!has_colormap(asked)) return edit_of(report.transfer, "");
+    // Which map the renderer has chosen is seen in its colours.
+    std::vector<std::string> maps{look.colormap};
+    if (look.colormap.empty()) {
+        maps = {"tissue", "grey"};
+        for (std::string& name : render::colormap_names()) maps.push_back(std::move(name));
+    }
+    TransferEdit edit = edit_of(report.transfer, maps.front());
+    bool found = false;
+    for (std::size_t i = 0; i < maps.size() && !found; ++i)
+        for (bool const logarithmic : {false, true}) {
+            if (found || (logarithmic && !(edit.lower > 0))) continue;
+            edit.colormap = maps[i], edit.logarithmic = logarithmic;
+            found = shows_colors(edit, report.transfer);
+        }
+    if (!found) edit = edit_of(report.transfer, "");
+    // A projection has no opacities: all of them 1 would hide the volume from whoever goes back to one that has.
+    if (render::is_projection(look.algorithm)) edit.knots = {{edit.lower, 0}, {edit.upper, 0.3}};
     return edit;
 }
 

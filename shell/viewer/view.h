@@ -66,6 +66,9 @@ void draw_labels(Look& look, render::LabelMode when);
 /// Whether the command line and the algorithm leave a choice whether labels are drawn.
 bool may_draw_labels(render::RenderSettings const& asked, Look const& look);
 
+/// The one with this value, of labels in ascending order; null if there is none.
+render::ShownLabel const* label_at(std::vector<render::ShownLabel> const& labels, double value);
+
 /// The projection along rays after this one, or the first of them.
 render::Algorithm next_projection(render::Algorithm algorithm);
 

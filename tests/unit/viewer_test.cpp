@@ -308,6 +308,8 @@ TEST(Names, neverThoseInUse) {
     EXPECT_EQ(output_word("head.nrrd", false), "head-3.png");
     EXPECT_EQ(output_word("my 5% head.nrrd", false), "'my 5%% head.png'");
     EXPECT_EQ(output_word("head.nrrd", true), "head-%04d.png");
+    EXPECT_EQ(output_word("example4d.nii.gz", true), "example4d-%04d.png");
+    EXPECT_EQ(free_picture_name("scan.2.raw.gz"), "scan.2.png");
     std::ofstream("head-0000.png") << "precious";
     EXPECT_EQ(output_word("head.nrrd", true), "head-2-%04d.png");
     std::filesystem::current_path(before);
@@ -544,6 +546,97 @@ TEST(Views, aNewPlaneCutsTheMiddleAndShowsWhatIsBehind) {
     EXPECT_EQ(plane_distances({0, 0, -1}, header), (std::array<double, 2>{-30, 0}));
     header.geometry.spacing = header.geometry.origin = {1e-9, 1e-9, 1e-9};
     EXPECT_NEAR(plane_facing(front(), header)[3], 10.5e-9, 1e-14);
+}
+
+/// As the window has it to show and to edit, of a picture that is drawn so.
+TransferEdit edit_shown(Volume const& volume, RenderSettings const& asked, Look const& look) {
+    View view;
+    view.width = view.height = 16, view.look = look;
+    return editable_transfer(asked, look, render::testing::render_one(volume, settings_of(asked, view)).report);
+}
+
+TEST(Views, whatIsToBeEditedHasTheColoursThatAreDrawn) {
+    Volume const volume = render::testing::blobs({12, 10, 8}, DataType::uint8);
+    RenderSettings const asked;
+    Look look = initial_view(asked).look;
+    EXPECT_EQ(edit_shown(volume, asked, look).colormap, "tissue");
+    for (auto const algorithm : {render::Algorithm::maximum, render::Algorithm::minimum, render::Algorithm::mean}) {
+        look.algorithm = algorithm;
+        TransferEdit const edit = edit_shown(volume, asked, look);
+        EXPECT_EQ(edit.colormap, "grey");
+        EXPECT_TRUE(edit.colors.empty());
+        // The same to the eye once it is the user's, and no opaque block where there are opacities.
+        View before, after;
+        before.width = before.height = after.width = after.height = 16;
+        before.look = after.look = look, after.look.transfer = edit;
+        EXPECT_LT(
+            render::testing::greatest_difference(render::testing::render_one(volume, settings_of(asked, before)).image,
+                                                 render::testing::render_one(volume, settings_of(asked, after)).image),
+            1e-5);
+        EXPECT_EQ(edit.knots.front().alpha, 0);
+        look.colormap = "viridis";
+        EXPECT_EQ(edit_shown(volume, asked, look).colormap, "viridis");
+        look.colormap.clear();
+    }
+    // A preset has a map of its own.
+    RenderSettings preset;
+    preset.preset = render::DataKind::density;
+    TransferEdit const edit = edit_shown(volume, preset, initial_view(preset).look);
+    View view;
+    view.width = view.height = 16, view.look = initial_view(preset).look;
+    auto const report = render::testing::render_one(volume, settings_of(preset, view)).report;
+    for (auto const& p : report.transfer.points) EXPECT_NEAR(color_at(edit, p.value).red, p.color.red, 1.5 / 255);
+}
+
+TEST(Views, aCameraThatHandsHaveMovedHasFewDigits) {
+    Camera camera = front();
+    camera.target = {1.0 / 3, 100, 0};
+    camera.fov = 29.999999999999996;
+    Camera const few = shortened(orbit(camera, {0.1, 0.2}));
+    EXPECT_EQ(few.fov, 30);
+    EXPECT_LT(distance(few.eye, orbit(camera, {0.1, 0.2}).eye), 3e-7);
+    EXPECT_LT(distance(few.up, orbit(camera, {0.1, 0.2}).up), 2e-9);
+    for (double const v : {few.eye.x, few.eye.y, few.eye.z, few.up.x, few.up.y, few.up.z, few.target.x})
+        EXPECT_LE(to_text(v).size(), 13U) << to_text(v);
+    EXPECT_EQ(shortened(few).eye, few.eye);
+    EXPECT_EQ(shortened(front()).eye, front().eye);
+    // To and fro is where it was, as far as the digits go.
+    Camera there = few;
+    for (int i = 0; i < 50; ++i) there = shortened(orbit(shortened(orbit(there, {0.01 * i, 0})), {-0.01 * i, 0}));
+    EXPECT_EQ(there.target, few.target);
+    // Worlds of any size.
+    for (double const size : {1e-9, 1e12}) {
+        Camera other = front();
+        other.eye = Vec3{-1, -2, 3} * (size / 3), other.target = Vec3{1, 2, 7} * size;
+        EXPECT_LT(distance(shortened(other).eye, other.eye), 1e-8 * size);
+        EXPECT_LT(distance(shortened(other).target, other.target), 1e-8 * size);
+    }
+}
+
+TEST(Slices, aPointLiesInAVoxelUpToItsEdges) {
+    Index3 const dims{4, 1, 10};
+    EXPECT_EQ(voxel_at({0, 0, 0}, dims), (Index3{0, 0, 0}));
+    EXPECT_EQ(voxel_at({0.249, 0.5, 0.1}, dims), (Index3{0, 0, 1}));
+    EXPECT_EQ(voxel_at({0.25, 0.999999, 0.999999}, dims), (Index3{1, 0, 9}));
+    EXPECT_EQ(voxel_at({1, 1, 1}, dims), (Index3{3, 0, 9}));
+}
+
+TEST(Views, numbersAreSaidWithoutNeedlessDigits) {
+    EXPECT_EQ(rounded_within(29.999999999999996, 3e-8), 30);
+    EXPECT_EQ(rounded_within(0.1234567, 0), 0.1234567);
+    EXPECT_EQ(rounded_within(-1234.5678, 0.2), -1234.6);
+    EXPECT_EQ(rounded_within(0, 0), 0);
+    RenderSettings const asked;
+    View view = initial_view(asked);
+    view.camera = front();
+    view.camera->fov = 29.999999999999996;
+    TransferEdit edit;
+    edit.lower = 0.1 + 0.2, edit.upper = 200;
+    edit.knots = {{edit.lower, 0}, {90, 0.1 * 3}, {150, 0.9}};
+    view.look.transfer = edit;
+    EXPECT_EQ(join(words_of({"render", "a.nrrd"}, asked, view), " "),
+              "render a.nrrd --colormap viridis --opacity 0.3:0,90:0.3,150:0.9 --domain 0.3:200 --eye 0,-10,0 "
+              "--target 0,0,0 --up 0,0,1 --fov 30");
 }
 
 TEST(Views, inputsStayBeforeListsOfNumbers) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/window/window.h"
 
+#include <backends/imgui_impl_glfw.h>
 #include <imgui.h>
 
 #include <algorithm>
@@ -20,15 +21,58 @@ void Window::listen() {
         glfwGetCursorPos(w, &x, &y);
         of(w).scroll(x, y, notches);
     });
-    glfwSetKeyCallback(window_, [](GLFWwindow* w, int which, int, int action, int modifiers) {
-        if (action != GLFW_RELEASE) of(w).key(which, modifiers, action == GLFW_REPEAT);
-    });
     glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* w, int width, int height) { of(w).resize(width, height); });
     glfwSetWindowRefreshCallback(window_, [](GLFWwindow* w) { of(w).frames_left_ = 3; });
 }
 
+void Window::listen_to_keys() {
+    // These callbacks take the place of those of Dear ImGui, which are called in time.
+    glfwSetKeyCallback(window_, [](GLFWwindow* w, int which, int code, int action, int modifiers) {
+        of(w).type({which, code, action, modifiers, 0});
+    });
+    glfwSetCharCallback(window_, [](GLFWwindow* w, unsigned character) { of(w).type({0, 0, 0, 0, character}); });
+}
+
+/// Dear ImGui sees what is pressed when a frame is drawn, and before it knows that text is meant for a field it has to
+/// see the click into it, and after it the key that leaves it. What comes faster waits for the next frame.
+void Window::type(Key const& key) {
+    typed_.push_back(key);
+    take_keys();
+}
+
+void Window::take_keys() {
+    while (!typed_.empty() && frames_to_keys_ == 0) {
+        Key const key = typed_.front();
+        bool const change = key.character == 0 && key.action != GLFW_REPEAT;
+        // No key is pressed and released in one frame, and what is pressed after text has been typed follows it.
+        if (change && (changed_keys_.contains(key.which) || (characters_ && key.action == GLFW_PRESS))) return;
+        typed_.pop_front();
+        frames_left_ = std::max(frames_left_, 3);
+        if (key.character != 0) {
+            characters_ = true;
+            ImGui_ImplGlfw_CharCallback(window_, key.character);
+            continue;
+        }
+        if (change) changed_keys_.insert(key.which);
+        bool const leaves = key.which == GLFW_KEY_ENTER || key.which == GLFW_KEY_KP_ENTER ||
+                            key.which == GLFW_KEY_TAB || key.which == GLFW_KEY_ESCAPE;
+        if (key.action == GLFW_PRESS && leaves && ImGui::GetIO().WantTextInput) frames_to_keys_ = 3;
+        if (key.action != GLFW_RELEASE) this->key(key.which, key.modifiers, key.action == GLFW_REPEAT);
+        ImGui_ImplGlfw_KeyCallback(window_, key.which, key.code, key.action, key.modifiers);
+    }
+}
+
+/// After a frame in which Dear ImGui has seen the keys.
+void Window::keys_were_seen() {
+    changed_keys_.clear();
+    characters_ = false;
+    if (frames_to_keys_ > 0) --frames_to_keys_;
+    take_keys();
+}
+
 void Window::press(int button, int action, int modifiers) {
     frames_left_ = 3;
+    if (action == GLFW_PRESS) frames_to_keys_ = 2; // until it is known whether text is meant
     Drag const before = std::exchange(drag_, Drag::none);
     if (before == Drag::box) panels_.choosing_box = false;
     if (before == Drag::orbit && action != GLFW_PRESS && clicks_.release()) pick(x_, y_);
@@ -51,7 +95,7 @@ void Window::press(int button, int action, int modifiers) {
 
 template <class Change> void Window::change_camera(Change change) {
     if (!home_) return;
-    view_.camera = change(view_.camera.value_or(*home_));
+    view_.camera = shortened(change(view_.camera.value_or(*home_)));
     show_view();
 }
 
@@ -185,7 +229,7 @@ void Window::key(int which, int modifiers, bool repeated) {
     auto const moved = [&](double x, double y) {
         change_camera([&](auto const& camera) { return pan(camera, {0.04 * step * x, 0.04 * step * y}); });
     };
-    if (repeated && which != GLFW_KEY_W && which != GLFW_KEY_S && which != GLFW_KEY_A && which != GLFW_KEY_D &&
+    if (repeated && which != GLFW_KEY_W && which != GLFW_KEY_A && which != GLFW_KEY_D &&
         (which < GLFW_KEY_RIGHT || which > GLFW_KEY_UP))
         return;
     if (which >= GLFW_KEY_1 && which <= GLFW_KEY_9) {
@@ -214,7 +258,7 @@ void Window::key(int which, int modifiers, bool repeated) {
         }
         break;
     case GLFW_KEY_S:
-        if (!repeated) do_wish(Wish::save);
+        do_wish(Wish::save);
         break;
     case GLFW_KEY_W:
     case GLFW_KEY_UP:
@@ -281,8 +325,13 @@ void Window::key(int which, int modifiers, bool repeated) {
         panels_.help = !panels_.help;
         break;
     case GLFW_KEY_G: {
-        panels_on_ = !panels_on_;
         int width = 0, height = 0;
+        glfwGetWindowSize(window_, &width, &height);
+        if (!room_for_panels(static_cast<float>(width))) {
+            message_ = "the window is too narrow for panels";
+            break;
+        }
+        panels_on_ = !panels_on_;
         glfwGetFramebufferSize(window_, &width, &height);
         resize(width, height);
         break;

@@ -59,16 +59,19 @@ void Window::open() {
         glfwGetMonitorWorkarea(monitor, &x, &y, &width, &height);
         glfwGetMonitorContentScale(monitor, &scale_, &unused);
         scale_ = std::clamp(scale_, 1.0F, 4.0F);
-        double const room = width - static_cast<double>(panel_width());
-        if (room > 0 && height > 0) shrink = std::min({1.0, 0.98 * room / asked_.width, 0.95 * height / asked_.height});
+        double const beside = room_for_panels(static_cast<float>(width)) ? static_cast<double>(panel_width()) : 0;
+        if (width > 0 && height > 0)
+            shrink = std::min({1.0, 0.98 * (width - beside) / asked_.width, 0.95 * height / asked_.height});
     }
     auto const scaled = [&](int n) { return std::max(1, static_cast<int>(std::lround(n * shrink))); };
+    int const with_panels = scaled(asked_.width) + static_cast<int>(panel_width());
+    bool const panels = room_for_panels(static_cast<float>(with_panels));
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
     glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
-    window_ = glfwCreateWindow(scaled(asked_.width) + static_cast<int>(panel_width()), scaled(asked_.height),
-                               "vkt render", nullptr, nullptr);
+    window_ = glfwCreateWindow(panels ? with_panels : scaled(asked_.width), scaled(asked_.height), "vkt render",
+                               nullptr, nullptr);
     if (window_ == nullptr) no_window(glfw_error());
     glfwMakeContextCurrent(window_);
     glfwSwapInterval(1);
@@ -115,6 +118,7 @@ void Window::style() {
     style.Colors[ImGuiCol_PlotHistogram] = {0.45F, 0.6F, 0.82F, 1};
     style.ScaleAllSizes(scale_);
     ImGui_ImplGlfw_InitForOpenGL(window_, true); // calls our callbacks first
+    listen_to_keys();
     ImGui_ImplOpenGL3_Init("#version 330 core");
 }
 

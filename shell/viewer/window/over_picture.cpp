@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace vkt::shell::viewer {
 
@@ -42,11 +43,13 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
     if (!shown.frame->arrival.complete)
         label(list, {p.x + 10, p.y + 8},
               text(shown.frame->arrival.slices, " of ", shown.frame->arrival.of, " slices are here"));
+    if (slices) slice_views(shown);
     if (overlays && p.width > 200 && p.height > 160) {
         render::Camera const& camera = shown.frame->camera;
+        auto const [column_top, column_bottom] = free_column(p);
         if (auto const& labels = shown.frame->report.labels) {
-            float const x = p.x + 14, y = p.y + line + 16, pitch = line + 4;
-            auto const room = static_cast<std::size_t>(std::max(1.0F, (p.height - 3 * line - 32) / pitch));
+            float const x = p.x + 14, y = column_top, pitch = line + 4;
+            auto const room = static_cast<std::size_t>(std::max(1.0F, (column_bottom - column_top) / pitch));
             std::size_t const fit = labels->size() > room ? room - 1 : labels->size();
             for (std::size_t i = 0; i < fit; ++i) {
                 render::ShownLabel const& one = (*labels)[i];
@@ -58,10 +61,14 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
             if (fit < labels->size())
                 label(list, {x, y + static_cast<float>(fit) * pitch},
                       text(fit > 0 ? "and " : "", static_cast<std::int64_t>(labels->size() - fit), " more"));
-        } else if (!shown.frame->report.transfer.points.empty()) { // colours, from below
+        } else if (!shown.frame->report.transfer.points.empty() && column_bottom - column_top >= 4 * line) {
+            // Colours, from below.
             TransferEdit const edit = editable_transfer(shown.asked, view.look, shown.frame->report);
             ValueAxis const axis{edit.lower, edit.upper, edit.logarithmic};
-            float const height = std::min(0.5F * p.height, 240.0F), x = p.x + 14, y = p.y + (p.height - height) / 2;
+            // In the middle, unless something is there; half a line of words stands out at either end.
+            float const height = std::min({0.5F * p.height, 240.0F, column_bottom - column_top - line}), x = p.x + 14;
+            float const y = std::max(column_top + line / 2,
+                                     std::min(p.y + (p.height - height) / 2, column_bottom - line / 2 - height));
             for (int i = 0; i < 64; ++i)
                 list.AddRectFilled({x, y + height * static_cast<float>(63 - i) / 64},
                                    {x + 14, y + height * static_cast<float>(64 - i) / 64},
@@ -102,9 +109,23 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
                 name);
         }
     }
-    if (slices) slice_views(shown);
     if (help) help_window(shown);
     return Wish::none;
+}
+
+/// Above the scale bar, what slices and the like leave of the column at the left of the picture.
+std::array<float, 2> Panels::free_column(Area const& p) const {
+    float const line = ImGui::GetTextLineHeight();
+    float top = p.y + line + 16, bottom = p.y + p.height - line - 32;
+    for (Area const& a : floating_) {
+        if (a.x > p.x + 6.5F * line || a.y > bottom || a.y + a.height < top) continue;
+        float const above = a.y - 8, below = a.y + a.height + 8;
+        if (above - top > bottom - below)
+            bottom = above;
+        else
+            top = below;
+    }
+    return {top, std::max(top, bottom)};
 }
 
 void Panels::slice_views(Shown const& shown) {
@@ -114,26 +135,26 @@ void Panels::slice_views(Shown const& shown) {
     Geometry const& g = volume.header().geometry;
     Area const& p = shown.picture;
     float const width = std::min(p.width - 16, 3 * 240.0F), height = width / 3 + 2 * ImGui::GetTextLineHeight() + 8;
-    ImGui::SetNextWindowPos({p.x + 8, p.y + p.height - height - 8}, ImGuiCond_Appearing);
-    ImGui::SetNextWindowSize({width, height}, ImGuiCond_Appearing);
+    // At the top: below are the scale bar and the axes. Laid out anew where the picture gets another size.
+    bool const resized = std::exchange(slices_in_, {p.width, p.height}) != std::array{p.width, p.height};
+    ImGuiCond const when = resized ? ImGuiCond_Always : ImGuiCond_Appearing;
+    ImGui::SetNextWindowPos({p.x + 8, p.y + 8}, when);
+    ImGui::SetNextWindowSize({width, std::min(height, p.height - 16)}, when);
     ImGui::SetNextWindowBgAlpha(0.92F);
-    if (ImGui::Begin("Slices", &slices, ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoScrollbar)) {
-        double const grey_lower = volume.histogram().percentile(0.005),
-                     grey_upper = volume.histogram().percentile(0.999);
-        ValueAxis const grey{grey_lower, grey_upper > grey_lower ? grey_upper : grey_lower + 1, false};
+    // Never over the help.
+    if (ImGui::Begin("Slices", &slices,
+                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoScrollbar |
+                         ImGuiWindowFlags_NoBringToFrontOnFocus)) {
+        ValueAxis const grey = grey_axis(volume.histogram());
         // Labels have the colours of the picture.
         std::vector<render::ShownLabel> const* const labels = shown.frame->report.labels.get();
-        auto const label_of = [&](double v) -> render::ShownLabel const* {
-            if (labels == nullptr || std::isnan(v)) return nullptr;
-            auto const at = std::lower_bound(labels->begin(), labels->end(), v, [](auto const& one, double number) {
-                return static_cast<double>(one.label) < number;
-            });
-            return at != labels->end() && static_cast<double>(at->label) == v ? &*at : nullptr;
-        };
+        auto const label_of = [&](double v) { return labels == nullptr ? nullptr : label_at(*labels, v); };
         auto const paint_of = [&](float v) {
             if (std::isnan(v)) return IM_COL32(40, 20, 30, 255);
             if (labels == nullptr) {
-                auto const shade = static_cast<int>(255 * std::clamp(grey.place(static_cast<double>(v)), 0.0, 1.0));
+                // Of a single value there is neither black nor white.
+                double const place = grey.lower < grey.upper ? grey.place(static_cast<double>(v)) : 0.5;
+                auto const shade = static_cast<int>(255 * std::clamp(place, 0.0, 1.0));
                 return IM_COL32(shade, shade, shade, 255);
             }
             render::ShownLabel const* const one = label_of(static_cast<double>(v));
@@ -228,8 +249,8 @@ void Panels::slice_views(Shown const& shown) {
             here[axis] = crosshair[static_cast<std::size_t>(axis)] * static_cast<double>(dims[axis]) - 0.5;
         double const at_cross = volume.value_at(here);
         ImGui::SetCursorScreenPos({start.x, start.y + tall + 4});
-        ImGui::TextDisabled("%s", text("voxel ", std::lround(here.x), ", ", std::lround(here.y), ", ",
-                                       std::lround(here.z), ": ", words_of_value(at_cross),
+        Index3 const voxel = voxel_at(crosshair, dims);
+        ImGui::TextDisabled("%s", text("voxel ", voxel.x, ", ", voxel.y, ", ", voxel.z, ": ", words_of_value(at_cross),
                                        volume.header().units.empty() ? "" : " ", volume.header().units)
                                       .c_str());
     }
@@ -240,14 +261,18 @@ void Panels::slice_views(Shown const& shown) {
 
 void Panels::help_window(Shown const& shown) {
     Area const& p = shown.picture;
-    ImGui::SetNextWindowPos({p.x + 12, p.y + 12}, ImGuiCond_Appearing);
-    ImGui::SetNextWindowBgAlpha(0.9F);
-    ImGui::SetNextWindowSizeConstraints({0, 0}, {p.width - 16, p.height - 16});
+    // Where panels have no room, there is none for a margin either.
+    float const line = ImGui::GetTextLineHeight();
+    bool const whole = p.width >= ImGui::GetIO().DisplaySize.x && (p.width < 40 * line || p.height < 47 * line);
+    float const margin = whole ? 0 : 12, around = whole ? 0 : 16;
+    ImGui::SetNextWindowPos({p.x + margin, p.y + margin}, whole ? ImGuiCond_Always : ImGuiCond_Appearing);
+    ImGui::SetNextWindowSizeConstraints(whole ? ImVec2{p.width, p.height} : ImVec2{0, 0},
+                                        {p.width - around, p.height - around});
     if (ImGui::Begin("Keys", &help, ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize)) {
         if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
             // Over a narrow picture lines are broken, not cut off.
             ImGuiStyle const& style = ImGui::GetStyle();
-            ImGui::PushTextWrapPos(p.width - 16 - 2 * style.WindowPadding.x - style.ScrollbarSize);
+            ImGui::PushTextWrapPos(p.width - around - 2 * style.WindowPadding.x - style.ScrollbarSize);
             for (auto const& [key, what] : keys()) {
                 ImGui::TableNextRow();
                 ImGui::TableNextColumn();

@@ -22,7 +22,7 @@ std::vector<std::array<char const*, 2>> const& keys() {
         {"right or shift drag", "move"},
         {"wheel, middle drag", "enlarge, reduce"},
         {"double click", "turn around the point under the pointer"},
-        {"W A S D, arrows", "fly"},
+        {"W A D, arrows", "fly ahead and to the sides (down: back)"},
         {"X Y Z", "from the side of an axis (shift: from the other)"},
         {"O", "with or without perspective"},
         {"1 ... 9", "camera that Ctrl+1 ... Ctrl+9 stored"},

@@ -42,6 +42,8 @@ public:
     /// Whether the pointer is over something of ours that lies over the picture.
     bool covers(double x, double y) const;
 
+    std::string remark; ///< on what was typed, to be told once
+
     bool help = false, overlays = false, slices = false;
     bool choosing_box = false;                   ///< the next drag draws the box of a part
     std::optional<std::array<double, 4>> box;    ///< x0, y0, x1, y1 in the picture, 0 to 1
@@ -61,6 +63,7 @@ private:
     /// Of what is drawn as a surface.
     void surface_light(View& view, Shown const& shown);
     Wish picture_panel(View& view, Shown const& shown);
+    std::array<float, 2> free_column(Area const& picture) const;
     void slice_views(Shown const& shown);
     void help_window(Shown const& shown);
 
@@ -70,7 +73,8 @@ private:
     std::array<char, 512> file_{};
     std::string file_message_;
     std::vector<Area> floating_;
-    std::vector<float> columns_; ///< of the histogram
+    std::array<float, 2> slices_in_{}; ///< the size of the picture that slices were laid out in
+    std::vector<float> columns_;       ///< of the histogram
     ValueAxis columns_axis_;
     void const* columns_of_ = nullptr;
     struct Slice {

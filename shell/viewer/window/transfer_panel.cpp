@@ -5,6 +5,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/settings.h"
 #include "libvkt/render/transfer_file.h"
 
 #include <imgui.h>
@@ -20,8 +21,26 @@ using render::Algorithm;
 using render::Color;
 
 constexpr float knot_reach = 9;
-void combo_of_maps(TransferEdit& edit, bool& changed) {
-    std::string const name = edit.colors.empty() ? edit.colormap : "own colours";
+
+bool has_opacities(View const& view, Shown const& shown) {
+    return render::applies("opacity", view.look.algorithm) && shown.frame->report.labels == nullptr;
+}
+
+/// Where labels are drawn, that of the nearest one; 0 is none.
+Color shown_color(Shown const& shown, TransferEdit const& edit, double value) {
+    auto const& labels = shown.frame->report.labels;
+    if (labels == nullptr) return color_at(edit, value);
+    Color color{0.15, 0.15, 0.15};
+    double nearest = std::abs(value);
+    for (render::ShownLabel const& one : *labels) {
+        double const distance = std::abs(static_cast<double>(one.label) - value);
+        if (distance < nearest) nearest = distance, color = one.color;
+    }
+    return color;
+}
+
+void combo_of_maps(TransferEdit& edit, bool labels, bool& changed) {
+    std::string const name = labels ? "labels" : edit.colors.empty() ? edit.colormap : "own colours";
     if (!ImGui::BeginCombo("map", name.c_str(), ImGuiComboFlags_HeightLargest)) return;
     bool const reversed = edit.colormap.ends_with(":reverse");
     for (std::string const& map : render::colormap_names()) {
@@ -29,7 +48,8 @@ void combo_of_maps(TransferEdit& edit, bool& changed) {
         std::string const full = reversed ? map + ":reverse" : map;
         std::string_view const other = render::other_name(map);
         std::string const called = other.empty() ? map : text(map, " (", other, ")");
-        if (ImGui::Selectable(("          " + called).c_str(), edit.colors.empty() && edit.colormap == full)) {
+        bool const taken = !labels && edit.colors.empty() && edit.colormap == full;
+        if (ImGui::Selectable(("          " + called).c_str(), taken)) {
             edit.colormap = full;
             edit.colors.clear();
             changed = true;
@@ -50,10 +70,18 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
     if (shown.frame->report.transfer.points.empty()) return;
     TransferEdit edit = editable_transfer(shown.asked, view.look, shown.frame->report);
     bool changed = false;
+    // What the picture does not depend on is not to be edited: labels have colours of their own, projections no
+    // opacity.
+    bool const labels = shown.frame->report.labels != nullptr, opacities = has_opacities(view, shown);
+    ImGui::BeginDisabled(!opacities && view.look.algorithm != Algorithm::implicit_iso);
     histogram_canvas(view, shown, edit, changed);
+    ImGui::EndDisabled();
+    ImGui::BeginDisabled(labels);
     color_strip(shown, edit, changed);
-    combo_of_maps(edit, changed);
+    ImGui::EndDisabled();
+    combo_of_maps(edit, labels, changed);
     ImGui::SameLine();
+    ImGui::BeginDisabled(labels);
     bool reversed = edit.colormap.ends_with(":reverse");
     if (ImGui::SmallButton("flip")) {
         reversed = !reversed;
@@ -74,12 +102,18 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
     ImGui::SetNextItemWidth(half);
     typed = input("domain", upper) || typed;
     if (typed) {
-        set_domain(edit, lower, upper, false);
-        changed = true;
+        if (lower < upper) {
+            set_domain(edit, lower, upper, false);
+            changed = true;
+        } else {
+            remark = text("the domain stays: ", short_number(lower), " is not below ", short_number(upper));
+        }
     }
-    if (edit.lower > 0 || edit.logarithmic) {
-        if (ImGui::Checkbox("colours over log(value)", &edit.logarithmic)) changed = true;
-    }
+    ImGui::BeginDisabled(!(edit.lower > 0));
+    if (ImGui::Checkbox("colours over log(value)", &edit.logarithmic)) changed = true;
+    ImGui::EndDisabled();
+    tip("where the domain is above 0");
+    ImGui::EndDisabled();
     if (ImGui::BeginCombo("preset", "choose ...", ImGuiComboFlags_HeightLargest)) {
         if (ImGui::Selectable("automatic")) {
             view.look.transfer.reset();
@@ -95,16 +129,18 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
                 }
         ImGui::EndCombo();
     }
-    if (view.look.algorithm != Algorithm::implicit_iso) {
-        slider("opacity", view.look.opacity_scale, 0.01, 100, true, "x %.3g");
-        tip("multiplies all extinctions (--opacity-scale)");
-        double unit = shown.frame->report.unit;
-        if (input("unit distance", unit) && unit > 0) view.look.unit = to_text(unit);
-        tip("world length that opacities hold for (--unit-distance)");
-    }
+    ImGui::BeginDisabled(!opacities);
+    slider("opacity", view.look.opacity_scale, 0.01, 100, true, "x %.3g");
+    tip("multiplies all extinctions (--opacity-scale)");
+    double unit = shown.frame->report.unit;
+    if (input("unit distance", unit) && unit > 0) view.look.unit = to_text(unit);
+    tip("world length that opacities hold for (--unit-distance)");
+    ImGui::EndDisabled();
     ImGui::Checkbox("log values", &log_values_);
     ImGui::SameLine();
+    ImGui::BeginDisabled(!opacities);
     ImGui::Checkbox("log opacity", &log_opacity_);
+    ImGui::EndDisabled();
     if (ImGui::TreeNode("Files")) {
         ImGui::InputTextWithHint("file", "transfer.json", file_.data(), file_.size());
         std::string const name = file_[0] != '\0' ? std::string(file_.data()) : "transfer.json";
@@ -140,7 +176,8 @@ void Panels::transfer_panel(View& view, Shown const& shown) {
     }
     if (!changed) return;
     // The light stays what it was, where only the renderer's own functions are lit by themselves.
-    if (!view.look.transfer && view.look.shade < 0) view.look.shade = shown.frame->report.shade;
+    if (!view.look.transfer && view.look.shade < 0 && render::applies("shade", view.look.algorithm))
+        view.look.shade = shown.frame->report.shade;
     view.look.transfer = edit;
 }
 
@@ -176,12 +213,12 @@ void Panels::histogram_canvas(View& view, Shown const& shown, TransferEdit& edit
     for (std::size_t i = 0; i < columns_.size(); ++i) {
         float const x = at.x + static_cast<float>(i);
         double const value = axis.value((static_cast<double>(i) + 0.5) / static_cast<double>(columns));
-        Color const c = color_at(edit, value);
+        Color const c = shown_color(shown, edit, value);
         Color const dim{0.12 + 0.4 * c.red, 0.12 + 0.4 * c.green, 0.12 + 0.4 * c.blue};
         if (columns_[i] > 0)
             list.AddRectFilled({x, at.y + size.y * (1 - 0.94F * columns_[i])}, {x + 1, at.y + size.y}, color_of(dim));
     }
-    bool const surfaces = view.look.algorithm == Algorithm::implicit_iso;
+    bool const surfaces = view.look.algorithm == Algorithm::implicit_iso, opacities = has_opacities(view, shown);
     // The line as the renderer has it: straight in extinction between knots.
     std::vector<ImVec2> line;
     for (std::size_t i = 0; i < columns; i += 2) {
@@ -190,20 +227,20 @@ void Panels::histogram_canvas(View& view, Shown const& shown, TransferEdit& edit
     }
     for (OpacityKnot const& k : edit.knots) line.push_back({x_of(k.value), y_of(k.alpha)});
     std::stable_sort(line.begin(), line.end(), [](ImVec2 const& a, ImVec2 const& b) { return a.x < b.x; });
-    ImU32 const bright = surfaces ? IM_COL32(255, 255, 255, 70) : IM_COL32(255, 255, 255, 230);
+    ImU32 const bright = opacities ? IM_COL32(255, 255, 255, 230) : IM_COL32(255, 255, 255, 70);
     list.AddPolyline(line.data(), static_cast<int>(line.size()), bright, 0, 1.6F);
     ImVec2 const mouse = ImGui::GetIO().MousePos;
     std::vector<Surface> isos = surfaces ? editable_surfaces(view.look, shown.frame->report) : std::vector<Surface>{};
     int near = -1, near_iso = -1;
     float best = knot_reach;
-    for (std::size_t i = 0; !surfaces && i < edit.knots.size(); ++i) {
+    for (std::size_t i = 0; opacities && i < edit.knots.size(); ++i) {
         ImVec2 const p{x_of(edit.knots[i].value), y_of(edit.knots[i].alpha)};
         float const d = std::hypot(p.x - mouse.x, p.y - mouse.y);
         if (d < best) best = d, near = static_cast<int>(i);
     }
     for (std::size_t i = 0; i < isos.size(); ++i)
         if (std::abs(x_of(isos[i].value) - mouse.x) < best) near_iso = static_cast<int>(i);
-    for (std::size_t i = 0; !surfaces && i < edit.knots.size(); ++i) {
+    for (std::size_t i = 0; opacities && i < edit.knots.size(); ++i) {
         ImVec2 const p{x_of(edit.knots[i].value), y_of(edit.knots[i].alpha)};
         bool const hot = static_cast<int>(i) == (knot_ >= 0 ? knot_ : hovered ? near : -1);
         list.AddCircleFilled(p, hot ? 6.5F : 5.0F, color_of(color_at(edit, edit.knots[i].value)));
@@ -298,17 +335,18 @@ void Panels::color_strip(Shown const& shown, TransferEdit& edit, bool& changed) 
     for (int i = 0; i < parts; ++i)
         list.AddRectFilled({at.x + size.x * static_cast<float>(i) / static_cast<float>(parts), at.y},
                            {at.x + size.x * static_cast<float>(i + 1) / static_cast<float>(parts), at.y + size.y - 8},
-                           color_of(color_at(edit, axis.value((i + 0.5) / parts))));
+                           color_of(shown_color(shown, edit, axis.value((i + 0.5) / parts))));
     auto const x_of = [&](double value) {
         return at.x + size.x * static_cast<float>(std::clamp(axis.place(value), 0.0, 1.0));
     };
     ImVec2 const mouse = ImGui::GetIO().MousePos;
     double const value = axis.value(std::clamp((mouse.x - at.x) / size.x, 0.0F, 1.0F));
     // Handles of the domain hang below the strip, own colours are rings in it.
+    bool const labels = shown.frame->report.labels != nullptr;
     for (double const end : {edit.lower, edit.upper}) {
         float const x = x_of(end);
         list.AddTriangleFilled({x, at.y + size.y - 9}, {x - 6, at.y + size.y}, {x + 6, at.y + size.y},
-                               IM_COL32(255, 220, 90, 255));
+                               labels ? IM_COL32(255, 255, 255, 70) : IM_COL32(255, 220, 90, 255));
     }
     int near = -1;
     for (std::size_t i = 0; i < edit.colors.size(); ++i) {

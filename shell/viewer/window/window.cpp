@@ -141,7 +141,7 @@ void Window::draw_picture(Area const& area) {
 void Window::draw() {
     int width = 0, height = 0;
     glfwGetFramebufferSize(window_, &width, &height);
-    if (width < 1 || height < 1) return;
+    if (width < 1 || height < 1) return keys_were_seen(); // minimised
     ImGui_ImplOpenGL3_NewFrame();
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
@@ -168,6 +168,10 @@ void Window::draw() {
         show_view();
         frames_left_ = std::max(frames_left_, 2);
     }
+    if (!panels_.remark.empty()) {
+        message_ = std::exchange(panels_.remark, {});
+        frames_left_ = std::max(frames_left_, 2);
+    }
     do_wish(wish);
     ImGui::Render();
     gl_.glViewport(0, 0, width, height);
@@ -175,6 +179,7 @@ void Window::draw() {
     gl_.glClear(GL_COLOR_BUFFER_BIT);
     ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
     glfwSwapBuffers(window_);
+    keys_were_seen();
 }
 
 /// While volumes are played: goes on once the last one that was asked for has been seen for a while.
@@ -204,14 +209,18 @@ void Window::run() {
           "quits");
     while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
         // Panels need some frames until they rest; text that is being typed blinks.
-        if (ImGui::GetIO().WantTextInput)
+        if (!typed_.empty()) {
+            glfwPollEvents();
+            frames_left_ = std::max(frames_left_, 1);
+        } else if (ImGui::GetIO().WantTextInput) {
             glfwWaitEventsTimeout(0.2);
-        else if (frames_left_ > 0)
+        } else if (frames_left_ > 0) {
             glfwWaitEventsTimeout(0.012);
-        else if (playing_)
+        } else if (playing_) {
             glfwWaitEventsTimeout(0.05);
-        else
+        } else {
             glfwWaitEvents();
+        }
         if (ImGui::IsAnyMouseDown() || ImGui::GetIO().WantTextInput) frames_left_ = std::max(frames_left_, 2);
         take_news();
         play();

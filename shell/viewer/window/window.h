@@ -10,16 +10,18 @@
 
 #include <array>
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 namespace vkt::shell::viewer {
 
 inline constexpr float panel_points = 330;
-/// Narrower windows keep all of their width for the picture.
-inline constexpr float least_picture_points = 60;
+/// About half of the window: narrower ones keep all of their width for the picture.
+inline constexpr float least_picture_points = 250;
 
 [[noreturn]] void no_window(std::string const& why);
 
@@ -58,14 +60,23 @@ public:
 
 private:
     enum class Drag { none, orbit, pan, dolly, box };
+    /// As GLFW tells of them: a key, or a character that one or several make.
+    struct Key {
+        int which = 0, code = 0, action = 0, modifiers = 0;
+        unsigned character = 0;
+    };
 
     static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
     void open();
     void listen();
+    void listen_to_keys();
     void style();
     void press(int button, int action, int modifiers);
     void move(double x, double y);
     void scroll(double x, double y, double notches);
+    void type(Key const& key);
+    void take_keys();
+    void keys_were_seen();
     void key(int which, int modifiers, bool repeated);
     void resize(int width, int height);
     void do_wish(Wish wish);
@@ -84,7 +95,8 @@ private:
     void set_title();
     std::string message() const;
 
-    bool panels_fit(float width) const { return panels_on_ && width >= panel_width() + least_picture_points; }
+    bool room_for_panels(float width) const { return width >= (panel_points + least_picture_points) * scale_; }
+    bool panels_fit(float width) const { return panels_on_ && room_for_panels(width); }
     float panel_width() const { return panel_points * scale_; }
     Area picture_area() const;
     std::array<double, 2> in_picture(double x, double y) const;
@@ -104,6 +116,10 @@ private:
     Drag drag_ = Drag::none;
     double x_ = 0, y_ = 0; ///< where the mouse was
     DoubleClick clicks_;
+    std::deque<Key> typed_;      ///< that wait for a frame
+    std::set<int> changed_keys_; ///< since the last frame
+    bool characters_ = false;    ///< have been typed since
+    int frames_to_keys_ = 0;     ///< that have to be drawn before keys are taken
     bool panels_on_ = true, magnified_ = false;
     bool closing_popups_ = false;
     bool playing_ = false;
