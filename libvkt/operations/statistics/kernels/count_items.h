@@ -11,8 +11,9 @@
 
 namespace vkt::VKT_BACKEND::driver {
 
-/// Rows are cut into segments; a warp takes one after the other.
-inline constexpr std::int64_t count_segment = 2048;
+/// Rows are cut into segments; a warp takes one after the other. Of these voxels a lane has 240, however many it loads
+/// at once, and a byte counts 255.
+inline constexpr std::int64_t count_segment = 7680;
 
 /// What one block of threads counts.
 struct CountItem {

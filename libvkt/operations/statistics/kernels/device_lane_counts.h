@@ -86,7 +86,7 @@ __global__ void __launch_bounds__(lane_threads)
     };
     auto const count = [&](int slot) {
         auto const s = static_cast<unsigned>(slot);
-        ++mine[(s & ~3u) * 32 + (s & 3u)];
+        ++mine[s * 32 - (s & 3u) * 31]; // byte s % 4 of row s / 4
     };
     auto const count_pack = [&](Words const& words) {
         int slots_of_pack[N];

@@ -59,8 +59,9 @@ struct FloatSlot {
             // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
             // conversions take four times as long.
             sum[k] = __fadd_rd(at[k], driver::rounding + 1);
-            slots[k] = __float_as_int(sum[k]) - static_cast<int>(driver::rounding_bits);
-            sure = sure && slots[k] != count + 1; // perhaps the upper edge of the last bin
+            int const bits = __float_as_int(sum[k]), none = static_cast<int>(driver::rounding_bits);
+            slots[k] = bits - none;
+            sure = sure && bits != none + count + 1; // perhaps the upper edge of the last bin
         }
         if (unsure >= 0) {
 #pragma unroll
