@@ -91,6 +91,7 @@ public:
                         [&](Header const& header) { return render::bytes_of_picture(settings, header, file); });
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
+        render::Insets const insets = render::insets_of(annotation_, settings.width, settings.height);
         if (!numbered && cameras.size() > 1)
             throw Error(
                 ErrorKind::usage,
@@ -102,7 +103,7 @@ public:
                 settings.chosen_from = std::make_shared<render::Histogram const>(volumes.renderer().histogram());
             for (render::CameraRequest const& camera : cameras) {
                 settings.camera = camera;
-                settings.camera.insets = render::insets_of(annotation_, settings.width, settings.height);
+                settings.camera.insets = insets;
                 render::RenderReport report;
                 Watching const watching(context);
                 render::Image image = volumes.renderer().watched(settings, &report, watching.watch());

@@ -46,9 +46,9 @@ std::size_t lower_of_three(std::vector<std::int64_t> const& bins, std::size_t sp
 /// Everything below the split is clear. Above it, the voxels at or above a value form an object that fills a share F of
 /// the volume; a ray that meets it passes through about F^(1/3) of the volume's extent. The extinction is chosen so
 /// that this way has an optical depth that rises from faint at the split to opaque at the top: rare, high values stand
-/// out of common, low ones, whatever the units of the data are. Where few values reach so far that most of the object
-/// would lie at the faint end, as metal in tissue, the split is the lower one of three classes, and half of what
-/// decides how dense a value is, is how many of the object's are below it.
+/// out of common, low ones, whatever the units of the data are. Where few values of a small object reach so far that
+/// most of it would lie at the faint end, as metal in tissue, the split is the lower one of three classes, and a value
+/// is the denser the more of the object's are below it.
 Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std::string const& colormap_name,
                           double extent, double unit) {
     std::vector<std::int64_t> const& bins = histogram.bins;

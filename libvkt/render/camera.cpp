@@ -212,14 +212,13 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
     }
     // A target far in front of the volume must not put the eye behind itself.
     distance = std::max(distance, 1e-3 * radius);
+    double const span = request.span.value_or(2 * half_height) / request.zoom; // orthographic
     if (free && !(centred && perspective)) { // what is in the middle of the picture is to be in that of the frame
-        double const half =
-            perspective ? tangent * distance : request.span.value_or(2 * half_height) / 2 / request.zoom;
+        double const half = perspective ? tangent * distance : span / 2;
         camera.target = camera.target - (b.right * (frame.x * aspect) + b.up * frame.y) * (half * request.zoom);
     }
     camera.eye = request.eye.value_or(camera.target - b.forward * (perspective ? distance : 2 * radius + distance));
-    camera.height = perspective ? 2 * tangent * length(camera.target - camera.eye)
-                                : request.span.value_or(2 * half_height) / request.zoom;
+    camera.height = perspective ? 2 * tangent * length(camera.target - camera.eye) : span;
     return camera;
 }
 
