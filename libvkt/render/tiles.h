@@ -4,30 +4,13 @@
 
 #include "libvkt/core/execution.h"
 #include "libvkt/render/inner/scene.h"
+#include "libvkt/render/inner/voxel_type.h"
 
 namespace vkt::render {
 
 /// The last three draw no light but layers, of rays through the middle of pixels: normal and distance of the nearest
 /// surface, its colour, the distance at which half of the light is held back (in all four).
 enum class Integrator : std::uint8_t { march, exact, iso, scatter, project, place, albedo, half_distance };
-
-/// Storage types that rays can sample; the others are converted to float before.
-enum class LatticeType : std::uint8_t { uint8, uint16, int16, float32 };
-
-/// Calls f(T{}) with the type and returns what it returns; inlined always, as with_type() is.
-template <class F> [[gnu::always_inline]] constexpr decltype(auto) with_lattice_type(LatticeType type, F&& f) {
-    switch (type) {
-    case LatticeType::uint8:
-        return f(std::uint8_t{});
-    case LatticeType::uint16:
-        return f(std::uint16_t{});
-    case LatticeType::int16:
-        return f(std::int16_t{});
-    case LatticeType::float32:
-        break;
-    }
-    return f(float{});
-}
 
 struct LatticeView {
     void const* data = nullptr; ///< voxel (0,0,0) of the padded array

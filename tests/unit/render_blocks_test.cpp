@@ -31,9 +31,8 @@ struct Blocks {
         for (int a = 0; a < 3; ++a)
             q[a] = static_cast<float>(std::ldexp(place[a] - leaf.lower[a], view.blocks.thin[a] ? 0 : -leaf.level) +
                                       block_halo - 0.5);
-        auto const* const cells_of_leaf =
-            static_cast<float const*>(view.blocks.cells) + std::int64_t{block_size} * leaf.block;
-        return BlockPoints<float>::sampler(cells_of_leaf).value({q[0], q[1], q[2]});
+        auto const* const all = static_cast<float const*>(view.blocks.cells);
+        return block_sampler(all, leaf.block).value({q[0], q[1], q[2]});
     }
 };
 

@@ -36,7 +36,8 @@ public:
                               ray.entry,
                               ray.direction,
                               static_cast<float>(ray.world_per_lattice)} {
-        field_.cells = static_cast<T const*>(asked.tree.blocks.cells);
+        field_.cells = asked.tree.blocks.cells;
+        field_.type = asked.tree.type;
         march_.enter(ray);
     }
 

@@ -11,8 +11,8 @@
 namespace vkt::render {
 
 /// Whether a sampler says that it has no voxels without data.
-template <class S> VKT_HD constexpr bool always_there() {
-    if constexpr (requires { S::all_there; }) return S::all_there;
+template <class S> VKT_HD bool all_there(S const& sampler) {
+    if constexpr (requires { sampler.all_there(); }) return sampler.all_there();
     return false;
 }
 
@@ -25,8 +25,8 @@ struct CellPiece {
     float least, greatest;
     bool missing; ///< some corner has no data, and then the piece has none
 
-    /// `all_there`: no corner is NaN.
-    VKT_HD void look([[maybe_unused]] bool all_there) {
+    /// `known`: no corner is NaN.
+    VKT_HD void look([[maybe_unused]] bool known) {
 #ifndef __CUDACC__
         // A loop over eight becomes a chain of comparisons, each of which waits for the one before.
         using Mask = std::int32_t __attribute__((vector_size(16)));
@@ -48,7 +48,7 @@ struct CellPiece {
         Mask const none = (low != low) | (high != high); // NOLINT(misc-redundant-expression): NaN
         std::uint64_t words[2];
         std::memcpy(words, &none, sizeof words);
-        missing = !all_there && (words[0] | words[1]) != 0;
+        missing = !known && (words[0] | words[1]) != 0;
 #else
         missing = false;
         least = greatest = v[0];
@@ -95,7 +95,7 @@ VKT_HD void each_piece(S const& sampler, SceneView const& scene, Ray const& ray,
         CellPiece piece{ray.entry, ray.direction, {cells.cell[0], cells.cell[1], cells.cell[2]}, cells.t, width, {}, 0,
                         0,         false};
         sampler.corners(piece.cell[0], piece.cell[1], piece.cell[2], piece.v);
-        piece.look(always_there<S>());
+        piece.look(all_there(sampler));
         if (!visit(piece)) return;
     } while (cells.advance());
 }
@@ -126,7 +126,7 @@ VKT_HD bool each_piece_of(S const& sampler, SceneView const&, CellWalk<double> c
                         0,
                         false};
         sampler.corners(piece.cell[0], piece.cell[1], piece.cell[2], piece.v);
-        piece.look(always_there<S>());
+        piece.look(all_there(sampler));
         on = goes_on(visit(piece));
         further = inner.advance();
     } while (goes_on(on && further));

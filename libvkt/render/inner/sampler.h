@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/intrinsics.h"
 #include "libvkt/render/inner/ray.h"
+#include "libvkt/render/inner/voxel_type.h"
 
 #include <concepts>
 #include <cstdint>
@@ -84,13 +85,14 @@ template <class T> struct LatticeSampler {
     std::int64_t row, slice;
     bool compact; ///< offsets within one chunk of a ray fit into 31 bits
 
-    static constexpr bool skips_exactly = false;             ///< the reference looks at every cell
-    static constexpr bool all_there = std::is_integral_v<T>; ///< no voxel is NaN
+    static constexpr bool skips_exactly = false; ///< the reference looks at every cell
 
     VKT_HD static Vector place(Double3 p) { return to_float(p); }
     VKT_HD static Vector cell_origin() { return {macrocell_origin, macrocell_origin, macrocell_origin}; }
     VKT_HD static Real cell_size() { return macrocell_size; }
 
+    /// No voxel is NaN.
+    VKT_HD bool all_there() const { return std::is_integral_v<T>; }
     VKT_HD static float mix(float a, float b, float f) { return a + (b - a) * f; }
 
     /// The voxel at an index of the padded array.
@@ -123,15 +125,72 @@ template <class T> struct LatticeSampler {
     VKT_HD void corners(int x, int y, int z, float* c) const {
         T const* v = data + (x + y * row + z * slice);
         T const* w = v + slice;
-        c[0] = static_cast<float>(v[0]), c[1] = static_cast<float>(v[1]);
-        c[2] = static_cast<float>(v[row]), c[3] = static_cast<float>(v[row + 1]);
-        c[4] = static_cast<float>(w[0]), c[5] = static_cast<float>(w[1]);
-        c[6] = static_cast<float>(w[row]), c[7] = static_cast<float>(w[row + 1]);
+        put_four(c, v[0], v[1], v[row], v[row + 1]);
+        put_four(c + 4, w[0], w[1], w[row], w[row + 1]);
+    }
+
+    /// On CPUs in one piece, as it is read again at once: of four they could not forward the stores.
+    VKT_HD static void put_four(float* to, T a, T b, T c, T d) {
+#ifdef __CUDACC__
+        to[0] = static_cast<float>(a), to[1] = static_cast<float>(b);
+        to[2] = static_cast<float>(c), to[3] = static_cast<float>(d);
+#else
+        using Whole = std::int32_t __attribute__((vector_size(16)));
+        Quad four;
+        if constexpr (std::is_integral_v<T>)
+            four = __builtin_convertvector((Whole{a, b, c, d}), Quad);
+        else
+            four = Quad{a, b, c, d};
+        std::memcpy(to, &four, sizeof four);
+#endif
     }
 
     template <int n = chunk> VKT_HD void values(Float3 o, Float3 d, float const* t, float* out, int count = n) const;
     template <int n = chunk>
     VKT_HD void gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const;
+};
+
+/// The same of voxels of any type.
+template <> struct LatticeSampler<AnyVoxel> {
+    using Real = float;
+    using Vector = Float3;
+    void const* data;
+    std::int64_t row, slice;
+    bool compact;
+    LatticeType type;
+
+    static constexpr bool skips_exactly = false;
+
+    VKT_HD static Vector place(Double3 p) { return to_float(p); }
+    VKT_HD static Vector cell_origin() { return LatticeSampler<float>::cell_origin(); }
+    VKT_HD static Real cell_size() { return LatticeSampler<float>::cell_size(); }
+
+    /// Calls f(sampler) with that of the type.
+    template <class F> VKT_HD decltype(auto) with(F&& f) const {
+        return with_lattice_type(type, [&]<class T>(T) __attribute__((always_inline)) {
+            return f(LatticeSampler<T>{static_cast<T const*>(data), row, slice, compact});
+        });
+    }
+    VKT_HD bool all_there() const { return type != LatticeType::float32; }
+    VKT_HD float voxel(int x, int y, int z) const {
+        return with([&](auto const& s) __attribute__((always_inline)) { return s.voxel(x, y, z); });
+    }
+    VKT_HD float value(Float3 p) const {
+        return with([&](auto const& s) __attribute__((always_inline)) { return s.value(p); });
+    }
+    VKT_HD Float3 gradient(Float3 p) const {
+        return with([&](auto const& s) __attribute__((always_inline)) { return s.gradient(p); });
+    }
+    VKT_HD void corners(int x, int y, int z, float* c) const {
+        with([&](auto const& s) __attribute__((always_inline)) { s.corners(x, y, z, c); });
+    }
+    template <int n = chunk> VKT_HD void values(Float3 o, Float3 d, float const* t, float* out, int count = n) const {
+        with([&](auto const& s) __attribute__((always_inline)) { s.template values<n>(o, d, t, out, count); });
+    }
+    template <int n = chunk>
+    VKT_HD void gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const {
+        with([&](auto const& s) __attribute__((always_inline)) { s.template gradients<n>(o, d, t, gx, gy, gz); });
+    }
 };
 
 #if defined(__AVX512F__) && !defined(__CUDACC__)

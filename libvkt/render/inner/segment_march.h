@@ -158,9 +158,7 @@ template <class T> struct BlockSegment {
     }
 
 private:
-    VKT_HD LatticeSampler<T> block(Place const& p) const {
-        return BlockPoints<T>::sampler(cells + std::int64_t{block_size} * p.block);
-    }
+    VKT_HD LatticeSampler<T> block(Place const& p) const { return block_sampler(cells, p.block); }
 };
 
 /// march_blocks() without its batches: leaf by leaf, and in these point by point.

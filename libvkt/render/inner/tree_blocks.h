@@ -51,6 +51,11 @@ struct BlocksView {
     }
 };
 
+/// The lattice of one of the blocks.
+template <class T> VKT_HD LatticeSampler<T> block_sampler(T const* blocks, std::int32_t block) {
+    return {blocks + std::int64_t{block_size} * block, block_edge, block_edge * block_edge, true};
+}
+
 /// The points of a batch of segments, and the middles of these, in the lattices of their blocks.
 template <class T> struct BlockPoints {
     static constexpr int room = chunk + 1 + 2 * group; ///< lanes reach beyond the last one
@@ -66,38 +71,41 @@ template <class T> struct BlockPoints {
             for (int k = 0; k < group; ++k) per_finest[count + k] = per_finest[count - 1];
         }
     };
-    T const* cells;
+    void const* cells;
+    LatticeType type;
     Places points, middles; ///< middle k + 1 is that of segment k, which ends in point k + 1
 
-    VKT_HD static LatticeSampler<T> sampler(T const* block) {
-        return {block, block_edge, block_edge * block_edge, true};
-    }
     VKT_HD void values_of(int first, int count, float* out) const {
+        with_voxel_type<T>(type, [&]<class V>(V) __attribute__((always_inline)) {
 #ifdef VKT_LANES
-        for (int k = 0; k < count; k += VKT_LANES) {
-            LaneCells const c = lanes_of(points, first + k);
-            Lanes::store(out + k, lane_cell<T>(reinterpret_cast<char const*>(cells), c, row_bytes, slice_bytes));
-        }
+            for (int k = 0; k < count; k += VKT_LANES) {
+                LaneCells const c = lanes_of<V>(points, first + k);
+                Lanes::store(out + k,
+                             lane_cell<V>(static_cast<char const*>(cells), c, row_bytes<V>, slice_bytes<V>));
+            }
 #else
-        for (int k = 0; k < count; ++k)
-            out[k] = sampler(cells + std::int64_t{block_size} * points.block[first + k])
-                         .value({points.at[0][first + k], points.at[1][first + k], points.at[2][first + k]});
+            for (int k = 0; k < count; ++k)
+                out[k] = block_sampler(static_cast<V const*>(cells), points.block[first + k])
+                             .value({points.at[0][first + k], points.at[1][first + k], points.at[2][first + k]});
 #endif
+        });
     }
     template <int n> VKT_HD void gradients_of(int first, float* gx, float* gy, float* gz) const {
+        with_voxel_type<T>(type, [&]<class V>(V) __attribute__((always_inline)) {
 #ifdef VKT_LANES
-        static_assert(n % VKT_LANES == 0);
-        for (int k = 0; k < n; k += VKT_LANES)
-            lane_gradients<T>(reinterpret_cast<char const*>(cells), lanes_of(middles, first + 1 + k), row_bytes,
-                              slice_bytes, gx + k, gy + k, gz + k);
+            static_assert(n % VKT_LANES == 0);
+            for (int k = 0; k < n; k += VKT_LANES)
+                lane_gradients<V>(static_cast<char const*>(cells), lanes_of<V>(middles, first + 1 + k), row_bytes<V>,
+                                  slice_bytes<V>, gx + k, gy + k, gz + k);
 #else
-        for (int k = 0; k < n; ++k) {
-            Float3 const g = sampler(cells + std::int64_t{block_size} * middles.block[first + 1 + k])
-                                 .gradient({middles.at[0][first + 1 + k], middles.at[1][first + 1 + k],
-                                            middles.at[2][first + 1 + k]});
-            gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
-        }
+            for (int k = 0; k < n; ++k) {
+                Float3 const g = block_sampler(static_cast<V const*>(cells), middles.block[first + 1 + k])
+                                     .gradient({middles.at[0][first + 1 + k], middles.at[1][first + 1 + k],
+                                                middles.at[2][first + 1 + k]});
+                gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
+            }
 #endif
+        });
         // Of a block they are differences over its own cells.
         float const* const per = middles.per_finest + first + 1;
         for (int k = 0; k < n; ++k) gx[k] *= per[k];
@@ -107,16 +115,17 @@ template <class T> struct BlockPoints {
 
 private:
 #ifdef VKT_LANES
-    static constexpr std::int64_t row_bytes = block_edge * sizeof(T), slice_bytes = block_edge * row_bytes;
-    VKT_HD static LaneCells lanes_of(Places const& places, int k) {
+    template <class V> static constexpr std::int64_t row_bytes = block_edge * sizeof(V);
+    template <class V> static constexpr std::int64_t slice_bytes = block_edge * row_bytes<V>;
+    template <class V> VKT_HD static LaneCells lanes_of(Places const& places, int k) {
         Lanes::F const x = Lanes::load(places.at[0] + k), y = Lanes::load(places.at[1] + k),
                        z = Lanes::load(places.at[2] + k);
         Lanes::I const ix = Lanes::whole(x), iy = Lanes::whole(y), iz = Lanes::whole(z);
-        Lanes::I const inside = Lanes::add(Lanes::mul(ix, Lanes::set(static_cast<int>(sizeof(T)))),
-                                           Lanes::add(Lanes::mul(iy, Lanes::set(static_cast<int>(row_bytes))),
-                                                      Lanes::mul(iz, Lanes::set(static_cast<int>(slice_bytes)))));
+        Lanes::I const inside = Lanes::add(Lanes::mul(ix, Lanes::set(static_cast<int>(sizeof(V)))),
+                                           Lanes::add(Lanes::mul(iy, Lanes::set(static_cast<int>(row_bytes<V>))),
+                                                      Lanes::mul(iz, Lanes::set(static_cast<int>(slice_bytes<V>)))));
         Lanes::I const block =
-            Lanes::mul(Lanes::load(places.block + k), Lanes::set(static_cast<int>(block_size * sizeof(T))));
+            Lanes::mul(Lanes::load(places.block + k), Lanes::set(static_cast<int>(block_size * sizeof(V))));
         LaneCells cells;
         Lanes::store(cells.offset, Lanes::add(block, inside));
         cells.fx = Lanes::sub(x, Lanes::real(ix)), cells.fy = Lanes::sub(y, Lanes::real(iy));

@@ -199,11 +199,13 @@ template <class T> struct TreeField {
         constexpr float nothing = std::numeric_limits<float>::quiet_NaN();
         Points const p = points(o, d, t);
         if (count > most) {
-            SamplerView<T> const view{tree.nodes, tree.order, tree.bricks, static_cast<T const*>(tree.cells)};
-            for (int k = 0; k < chunk; ++k) {
-                TreeSample const s = sample(view, p.x[0][k], p.x[1][k], p.x[2][k]);
-                out[k] = s.weight > 0 ? s.value : nothing;
-            }
+            with_voxel_type<T>(tree.type, [&]<class V>(V) {
+                SamplerView<V> const view{tree.nodes, tree.order, tree.bricks, static_cast<V const*>(tree.cells)};
+                for (int k = 0; k < chunk; ++k) {
+                    TreeSample const s = sample(view, p.x[0][k], p.x[1][k], p.x[2][k]);
+                    out[k] = s.weight > 0 ? s.value : nothing;
+                }
+            });
             return;
         }
         Sums sums;
@@ -214,7 +216,7 @@ template <class T> struct TreeField {
             detail::CellWeights const x = detail::taps_along(brick, 0, p.x[0], part),
                                       y = detail::taps_along(brick, 1, p.x[1], part),
                                       z = detail::taps_along(brick, 2, p.x[2], part);
-            detail::add_cells<T>(tree, brick, x, y, z, part, sums);
+            add_cells(brick, x, y, z, part, sums);
         }
         for (int k = 0; k < chunk; ++k) out[k] = sums.weight[k] > 0 ? sums.sum[k] / sums.weight[k] : nothing;
     }
@@ -275,7 +277,7 @@ template <class T> struct TreeField {
             for (int s = 0; s < 6; ++s) {
                 if (!met[s]) continue;
                 detail::CellWeights const there = detail::taps_along(brick, s / 2, moved[s], part);
-                detail::add_cells<T>(tree, brick, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
+                add_cells(brick, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
                                      s / 2 == 2 ? there : z, part, sums[s]);
             }
         }
@@ -286,6 +288,13 @@ template <class T> struct TreeField {
                 // Without any weight this is NaN: next to a hole there is no gradient, and nothing is shaded.
                 out[a][k] = 0.5F * (front.sum[k] / front.weight[k] - back.sum[k] / back.weight[k]) / width[k];
             }
+    }
+
+    VKT_HD void add_cells(SampledBrick const& brick, detail::CellWeights const& x, detail::CellWeights const& y,
+                          detail::CellWeights const& z, detail::Part part, Sums& sums) const {
+        with_voxel_type<T>(tree.type, [&]<class V>(V) __attribute__((always_inline)) {
+            detail::add_cells<V>(tree, brick, x, y, z, part, sums);
+        });
     }
 
     VKT_HD static bool meets(float const* lower_of, float const* upper_of, double const* low, double const* high) {

@@ -83,7 +83,6 @@ template <class T, class Scratch> struct TreePieces {
         bool one_level;
         double const end = move_on(active, one_level);
         piece = {t, end - t, 0, 0, active == 0, {}, {0, 0, 0, 1}, true};
-        T const* const cells = static_cast<T const*>(points.tree.cells);
         Growing<BrickWalk> const& walks = points.scratch.walks;
         detail::Corners corners;
         BrickWalk const* lead = nullptr; // its cell is that of all bricks of its level, whatever was rounded
@@ -100,7 +99,10 @@ template <class T, class Scratch> struct TreePieces {
             for (int a = 0; a < 3; ++a)
                 cell[a] = lead->walk.cell[a] + static_cast<int>((one.lower[a] - brick.lower[a]) *
                                                                 static_cast<double>(brick.inverse_width[a]));
-            detail::add_corners(brick, cells, cell, corners);
+            with_voxel_type<T>(
+                points.tree.type, [&]<class V>(V) __attribute__((always_inline)) {
+                    detail::add_corners(brick, static_cast<V const*>(points.tree.cells), cell, corners);
+                });
             if (!one_level) put(*lead, corners, false, first, piece);
         }
         if (active > 0 && one_level) put(*lead, corners, true, first, piece);

@@ -67,10 +67,14 @@ private:
         return difference * (back && front ? 0.5F : 1.0F) / static_cast<float>(width);
     }
 
-    VKT_HD_CALLED Look look(Double3 point) const {
+    VKT_HD Look look(Double3 point) const {
+        return with_voxel_type<T>(
+            tree.type, [&]<class V>(V) __attribute__((always_inline)) { return look_at<V>(point); });
+    }
+    template <class V> VKT_HD_CALLED Look look_at(Double3 point) const {
         double const p[3] = {point.x, point.y, point.z};
-        T const* const cells = static_cast<T const*>(tree.cells);
-        SamplerView<T> const view{tree.nodes, tree.order, tree.bricks, cells};
+        V const* const cells = static_cast<V const*>(tree.cells);
+        SamplerView<V> const view{tree.nodes, tree.order, tree.bricks, cells};
         std::int64_t const cell = cell_at(point);
         std::int64_t const first = tree.cell_first[cell], last = tree.cell_first[cell + 1];
         float sum = 0, weight = 0, finest = 0;

@@ -8,15 +8,10 @@ namespace vkt::render::VKT_BACKEND {
 
 namespace {
 
-template <class T> LatticeSampler<T> sampler_of(LatticeView const& lattice) {
-    return {static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
-}
-
 void render_tile(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
                  std::int64_t width, Counters& counters) {
-    with_lattice_type(lattice.type, [&]<class T>(T) {
-        integrate(sampler_of<T>(lattice), scene, integrator, tile, pixels, width, counters);
-    });
+    LatticeSampler<AnyVoxel> const sampler{lattice.data, lattice.row, lattice.slice, lattice.compact, lattice.type};
+    integrate(sampler, scene, integrator, tile, pixels, width, counters);
 }
 
 } // namespace

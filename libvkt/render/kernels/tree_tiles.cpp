@@ -8,19 +8,13 @@ namespace vkt::render::VKT_BACKEND {
 
 namespace {
 
-template <class T>
-void run(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile tile, float* pixels,
-         std::int64_t width, Counters& total) {
+void render_tile(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile tile, float* pixels,
+                 std::int64_t width, Counters& counters) {
     struct Owner : TreeScratch { // internal, as march_tree() wants it
         ~Owner() { release(); }
     } scratch;
-    TreePoints<T, Owner> const points{tree, scene.cells, scene.shown.lower, scene.shown.upper, scratch};
-    integrate(points, scene, integrator, tile, pixels, width, total);
-}
-
-void render_tile(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile tile, float* pixels,
-                 std::int64_t width, Counters& counters) {
-    with_lattice_type(tree.type, [&]<class T>(T) { run<T>(scene, tree, integrator, tile, pixels, width, counters); });
+    TreePoints<AnyVoxel, Owner> const points{tree, scene.cells, scene.shown.lower, scene.shown.upper, scratch};
+    integrate(points, scene, integrator, tile, pixels, width, counters);
 }
 
 } // namespace

@@ -168,12 +168,12 @@ public:
         if (first) std::fill_n(reinterpret_cast<A*>(along_z_), columns_ * parts, A(0));
     }
 
-    template <class T> void run(Losses& losses, Execution const& execution) {
+    void run(Losses& losses, Execution const& execution) {
         int const threads = threads_for(execution, voxels_);
         if (n_.z >= std::int64_t{2} * threads)
-            run_staggered<T>(threads, losses);
+            run_staggered(threads, losses);
         else
-            run_in_two_steps<T>(threads, losses);
+            run_in_two_steps(threads, losses);
     }
 
 private:
@@ -198,7 +198,7 @@ private:
 
     /// Each thread has rows of all slices, and a slice behind the one that has the rows before: the sums along y go on
     /// from there. So nothing but the sums along z leaves the nearest caches.
-    template <class T> void run_staggered(int threads, Losses& losses) {
+    void run_staggered(int threads, Losses& losses) {
         threads = static_cast<int>(std::min<std::int64_t>(threads, groups()));
         std::vector<std::atomic<std::int64_t>> done(static_cast<std::size_t>(threads));
         // Rows on their way, and sums along y after the last of a thread's rows in each slice.
@@ -220,7 +220,7 @@ private:
                             : std::copy_n(columns(me - 1, z).part[p], n_.x, sums.part[p]);
                 for_each_rows(begin, end, [&]<int count>(std::int64_t y, std::integral_constant<int, count>) {
                     S const along_x(rows, own + handed, static_cast<std::int64_t>(me) * together * n_.x);
-                    add_rows<T, count>(y, z, along_x);
+                    add_rows<count>(y, z, along_x);
                     for (std::int64_t x = 0; x < n_.x; x += most_columns)
                         mine +=
                             add_columns(x, std::min(most_columns, n_.x - x), z, y, count, along_x, sums.at(x), stored);
@@ -233,11 +233,11 @@ private:
     }
 
     /// Of few slices: each thread has some of the rows, and then some of the columns.
-    template <class T> void run_in_two_steps(int threads, Losses& losses) {
+    void run_in_two_steps(int threads, Losses& losses) {
         std::byte* const all = take_rows(voxels_);
         for_each_item(threads, groups(), [&](std::int64_t begin, std::int64_t end) {
             for_each_rows(begin, end, [&]<int rows>(std::int64_t y, std::integral_constant<int, rows>) {
-                for (std::int64_t z = 0; z < n_.z; ++z) add_rows<T, rows>(y, z, S(all, voxels_, (z * n_.y + y) * n_.x));
+                for (std::int64_t z = 0; z < n_.z; ++z) add_rows<rows>(y, z, S(all, voxels_, (z * n_.y + y) * n_.x));
             });
         });
         // As wide as leaves every thread some.
@@ -263,7 +263,7 @@ private:
     }
 
     /// Sums along z and x of rows from y on, of a slice.
-    template <class T, int rows> void add_rows(std::int64_t y, std::int64_t z, S const& to) {
+    template <int rows> void add_rows(std::int64_t y, std::int64_t z, S const& to) {
         std::array<S, rows> z_sums = each_row<rows>(S(along_z_, columns_, (in_.box.lower.y + y) * n_.x), n_.x);
         auto const x_sums = each_row<rows>(to, n_.x);
         auto const add_x = [&] {
@@ -274,7 +274,7 @@ private:
         };
         if (state_.exclusive) add_x();
         for (int r = 0; r < rows; ++r)
-            add_voxels<T>(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
+            add_voxels(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
         if (!state_.exclusive) add_x();
     }
     template <int rows> static std::array<S, rows> each_row(S const& first, std::int64_t step) {
@@ -284,25 +284,31 @@ private:
         (std::make_index_sequence<rows>{});
     }
 
-    template <class T> void add_voxels(std::byte const* from, S const& sums) {
-        A* const rest = sums.part[parts - 1];
-        if constexpr (std::is_integral_v<T> && !std::is_same_v<A, double>) {
-            add_values<A, parts>(n_.x, sums.part[0], rest, reinterpret_cast<T const*>(from));
-        } else if (std::is_floating_point_v<T> && state_.map == ValueMap{}) {
-            if constexpr (std::is_floating_point_v<T>)
-                add_values<A, parts>(n_.x, sums.part[0], rest, reinterpret_cast<T const*>(from));
-        } else {
-            for (std::int64_t x = 0; x < n_.x; x += row_piece) {
-                alignas(64) double values[row_piece];
-                std::int64_t const m = std::min(row_piece, n_.x - x);
-                load_row(in_.type, from + static_cast<std::size_t>(x) * sizeof(T), values, m);
-                if (!(state_.map == ValueMap{})) {
-                    double const slope = state_.map.slope, intercept = state_.map.intercept;
-#pragma omp simd
-                    for (std::int64_t i = 0; i < m; ++i) values[i] = slope * values[i] + intercept;
-                }
-                add_values<A, parts>(m, sums.part[0] + x, rest + x, static_cast<double const*>(values));
+    /// Adds a row of voxels. Here alone it counts which type they have.
+    void add_voxels(std::byte const* from, S const& sums) {
+        bool const as_they_are = with_type(in_.type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<T> == std::is_same_v<A, double>) return false;
+            else if (!std::is_integral_v<T> && !(state_.map == ValueMap{})) return false;
+            else {
+                add_values<A, parts>(n_.x, sums.part[0], sums.part[parts - 1], reinterpret_cast<T const*>(from));
+                return true;
             }
+        });
+        if constexpr (std::is_same_v<A, double>)
+            if (!as_they_are) add_mapped(from, sums);
+    }
+    /// The same of values that are not what is stored.
+    void add_mapped(std::byte const* from, S const& sums) {
+        for (std::int64_t x = 0; x < n_.x; x += row_piece) {
+            alignas(64) double values[row_piece];
+            std::int64_t const m = std::min(row_piece, n_.x - x);
+            load_row(in_.type, from + static_cast<std::size_t>(x) * size_of(in_.type), values, m);
+            if (!(state_.map == ValueMap{})) {
+                double const slope = state_.map.slope, intercept = state_.map.intercept;
+#pragma omp simd
+                for (std::int64_t i = 0; i < m; ++i) values[i] = slope * values[i] + intercept;
+            }
+            add_values<A, parts>(m, sums.part[0] + x, sums.part[parts - 1] + x, static_cast<double const*>(values));
         }
     }
 
@@ -372,16 +378,16 @@ private:
 } // namespace
 
 void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const& execution) {
-    with_type(in.type, [&]<class T>(T) {
-        if constexpr (std::is_integral_v<T>) {
-            if (state.sums == ScanSums::whole)
-                return Scanner<std::uint64_t, 1>(state, in, out).template run<T>(losses, execution);
-            if (state.sums == ScanSums::wide)
-                return Scanner<Int128, 1>(state, in, out).template run<T>(losses, execution);
-        }
-        if (state.sums == ScanSums::real) return Scanner<double, 1>(state, in, out).template run<T>(losses, execution);
-        Scanner<double, 2>(state, in, out).template run<T>(losses, execution);
-    });
+    switch (state.sums) {
+    case ScanSums::whole:
+        return Scanner<std::uint64_t, 1>(state, in, out).run(losses, execution);
+    case ScanSums::wide:
+        return Scanner<Int128, 1>(state, in, out).run(losses, execution);
+    case ScanSums::real:
+        return Scanner<double, 1>(state, in, out).run(losses, execution);
+    case ScanSums::pairs:
+        return Scanner<double, 2>(state, in, out).run(losses, execution);
+    }
 }
 
 } // namespace VKT_BACKEND
