@@ -3,6 +3,7 @@
 #include "ipc/input.h"
 
 #include "ipc/descriptor.h"
+#include "ipc/waiting.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

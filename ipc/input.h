@@ -4,7 +4,6 @@
 
 #include "libvkt/formats/format.h"
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -52,8 +51,5 @@ private:
     bool pipe_;
     std::function<void()> waiting_;
 };
-
-/// How often whoever waits for input is told.
-inline constexpr std::chrono::milliseconds waiting_pause{20};
 
 } // namespace vkt::ipc

@@ -61,7 +61,7 @@ std::vector<std::string> values_of(Parameter const& p, Invocation const& invocat
 }
 
 /// Names of files and directories that begin so.
-std::vector<std::string> files_of(std::string const& prefix) {
+std::vector<std::string> files_beginning(std::string const& prefix) {
     std::string const folder = prefix.substr(0, prefix.rfind('/') + 1); // empty where there is no slash
     std::error_code none;
     std::vector<std::string> names;
@@ -104,7 +104,7 @@ std::vector<std::string> pipeline_completions(std::string pipeline) {
     words.push_back(prefix);
     std::vector<std::string> candidates = completions(words);
     if (names_verb) std::erase_if(candidates, [](auto const& name) { return !is_stage(*find_verb({name}).command); });
-    if (candidates.empty() && !names_verb) candidates = files_of(prefix);
+    if (candidates.empty() && !names_verb) candidates = files_beginning(prefix);
     for (auto& candidate : candidates) candidate.insert(0, pipeline, 0, word);
     return candidates;
 }

@@ -49,21 +49,20 @@ fi
 
 # clang-tidy takes seconds a file, so a file is checked again only when it, a header or the list of checks has changed,
 # and only as long as the time allows; what was left out is said.
-database=build/compile_commands.json
-if ! command -v clang-tidy >/dev/null || [ ! -e "$database" ]; then
+if ! command -v clang-tidy >/dev/null || [ ! -e build/CMakeCache.txt ]; then
     echo 'skip clang-tidy needs itself and a release build' >>"$report"
     exit 0
 fi
-mkdir -p build/tidy
-# Sources are read without the precompiled headers, so that what they forget to include is found.
-sed 's# -Winvalid-pch -include [^ ]*cmake_pch\.hxx##; s# -Wno-maybe-uninitialized##' "$database" >build/tidy/compile_commands.json
+# Sources are read one by one and without precompiled headers, so that what they forget to include is found.
+database=build/tidy/configured/compile_commands.json
+cmake --preset release -B build/tidy/configured -DVKT_TESTS=OFF -DVKT_UNITE=OFF -DVKT_PRECOMPILE=OFF >/dev/null
+sed 's# -Wno-maybe-uninitialized##' "$database" >build/tidy/compile_commands.json
 state=$(git ls-files -co --exclude-standard -- '*.h' .clang-tidy | sort | xargs -r cat | sha256sum | cut -c1-16)
 todo=$(mktemp)
 trap 'rm -f "$todo"' EXIT
 git ls-files -co --exclude-standard -- 'libvkt/core/*.cpp' 'libvkt/c/*.cpp' 'libvkt/engine/*.cpp' 'libvkt/formats/*.cpp' 'libvkt/amr/*.cpp' \
     'libvkt/render/*.cpp' 'ipc/*.cpp' 'shell/*.cpp' 'commands/*.cpp' | while read -r file; do
-    # Commands are compiled in groups, of which the database knows nothing.
-    case $file in commands/*) ;; *) grep -q "/$file\"" "$database" || continue ;; esac
+    grep -q "/$file\"" "$database" || continue
     stamp=build/tidy/$(sha256sum <"$file" | cut -c1-24)-$state
     [ -e "$stamp" ] || echo "$file $stamp"
 done >"$todo"
@@ -72,13 +71,9 @@ export end
 rm -f build/tidy/failed build/tidy/left
 # shellcheck disable=SC2016  # expanded by the inner shell
 xargs -r -P "$(nproc)" -n 2 sh -c '
-    case $0 in
-    commands/*) check() { clang-tidy --quiet --warnings-as-errors="*" "$0" -- -std=c++20 -I. -DVKT_VERSION=\"0\"; } ;;
-    *) check() { clang-tidy -p build/tidy --quiet --warnings-as-errors="*" "$0"; } ;;
-    esac
     if [ "$(date +%s)" -ge "$end" ]; then
         echo "$0" >>build/tidy/left
-    elif output=$(check 2>/dev/null); then
+    elif output=$(clang-tidy -p build/tidy --quiet --warnings-as-errors="*" "$0" 2>/dev/null); then
         touch "$1"
     else
         printf "%s\n" "$output"

@@ -26,7 +26,7 @@ using namespace vkt::c;
 
 namespace {
 
-vkt_surface made(Volume const& volume, char const* const* words, size_t count, Call& call) {
+vkt_surface surface_of(Volume const& volume, char const* const* words, size_t count, Call& call) {
     MakeMesh operation;
     Parameters own, shared;
     ExecutionOptions options = call.policy();
@@ -52,7 +52,7 @@ vkt_surface made(Volume const& volume, char const* const* words, size_t count, C
     return surface;
 }
 
-Mesh const& part_of(vkt_surface const* surface, int64_t part) {
+Mesh const& part_at(vkt_surface const* surface, int64_t part) {
     need(surface, "surface");
     if (part < 0 || part >= std::ssize(surface->parts))
         throw Error(ErrorKind::usage,
@@ -66,7 +66,7 @@ vkt_status vkt_make_surface(vkt_volume const* volume, char const* const* words, 
     return guarded([&](Call& call) {
         need(volume, "volume");
         need(surface, "surface");
-        *surface = new vkt_surface(made(volume->volume, words, count, call));
+        *surface = new vkt_surface(surface_of(volume->volume, words, count, call));
     });
 }
 
@@ -74,7 +74,7 @@ int64_t vkt_surface_parts(vkt_surface const* surface) { return surface == nullpt
 
 vkt_status vkt_surface_part(vkt_surface const* surface, int64_t part, vkt_surface_view* view) {
     return guarded([&](Call&) {
-        Mesh const& mesh = part_of(surface, part);
+        Mesh const& mesh = part_at(surface, part);
         need(view, "view");
         *view = {mesh.label, mesh.vertex_count(), mesh.vertices.data(), mesh.triangle_count(), mesh.triangles.data()};
     });

@@ -28,7 +28,7 @@ namespace {
 
 constexpr unsigned coarsest = 30;
 
-vktHierarchicalVolume needed(vktHierarchicalVolume volume) {
+vktHierarchicalVolume needed_tree(vktHierarchicalVolume volume) {
     c::need(volume, "volume");
     return volume;
 }
@@ -119,7 +119,7 @@ void vktHierarchicalVolumeCreateCopy(vktHierarchicalVolume* volume, vktHierarchi
     volkit::attempt([&] {
         c::need(volume, "volume");
         auto copy = std::make_unique<vktHierarchicalVolume_impl>();
-        copy->volume.reset(c::wrapped(needed(rhs)->volume->volume)); // of the same cells, until one of them is written
+        copy->volume.reset(c::wrapped(needed_tree(rhs)->volume->volume)); // of the same cells, until one of them is written
         copy->bricks = rhs->bricks;
         copy->lowest = rhs->lowest;
         copy->format = rhs->format;
@@ -139,7 +139,7 @@ vktVec3i_t vktHierarchicalVolumeGetDims3iv(vktHierarchicalVolume volume) {
 }
 void vktHierarchicalVolumeGetDims3i(vktHierarchicalVolume volume, int32_t* dimX, int32_t* dimY, int32_t* dimZ) {
     volkit::attempt([&] {
-        Index3 const dims = dims_of(needed(volume)->volume.get());
+        Index3 const dims = dims_of(needed_tree(volume)->volume.get());
         if (dimX != nullptr) *dimX = static_cast<int32_t>(dims.x);
         if (dimY != nullptr) *dimY = static_cast<int32_t>(dims.y);
         if (dimZ != nullptr) *dimZ = static_cast<int32_t>(dims.z);
@@ -157,7 +157,7 @@ vktDataFormat vktHierarchicalVolumeGetDataFormat(vktHierarchicalVolume volume) {
 
 void vktHierarchicalVolumeSetVoxelMapping2f(vktHierarchicalVolume volume, float lo, float hi) {
     volkit::attempt([&] {
-        needed(volume)->volume->volume.header().values = mapping_of(volume->format, lo, hi);
+        needed_tree(volume)->volume->volume.header().values = mapping_of(volume->format, lo, hi);
         volume->low = lo;
         volume->high = hi;
     });
@@ -178,18 +178,18 @@ vktVec2f_t vktHierarchicalVolumeGetVoxelMapping2fv(vktHierarchicalVolume volume)
 
 uint8_t* vktHierarchicalVolumeGetData(vktHierarchicalVolume volume) {
     std::uint8_t* data = nullptr;
-    volkit::attempt([&] { data = writable(needed(volume)); });
+    volkit::attempt([&] { data = writable(needed_tree(volume)); });
     return data;
 }
 
 vktError vktFillHV(vktHierarchicalVolume volume, float value) {
-    return run("vktFillHV", [&] { fill(needed(volume), {"fill", "--value=" + to_text(double{value})}); });
+    return run("vktFillHV", [&] { fill(needed_tree(volume), {"fill", "--value=" + to_text(double{value})}); });
 }
 vktError vktFillRangeHV(vktHierarchicalVolume volume, int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX,
                         int32_t lastY, int32_t lastZ, float value) {
     return run("vktFillRangeHV", [&] {
         Box const asked = range(firstX, firstY, firstZ, lastX, lastY, lastZ);
-        Index3 const lowest = needed(volume)->lowest;
+        Index3 const lowest = needed_tree(volume)->lowest;
         Box const box = intersect({asked.lower - lowest, asked.upper - lowest}, box_of(dims_of(volume->volume.get())));
         if (!box.empty()) fill(volume, {"fill", "--value=" + to_text(double{value}), "--roi", region(box)});
     });

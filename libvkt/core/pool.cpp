@@ -12,7 +12,6 @@
 namespace vkt {
 namespace {
 
-constexpr std::size_t huge_page = std::size_t{2} << 20;
 constexpr std::size_t small_page = std::size_t{4} << 10;
 
 /// The end of a block is in small pages: up to 2 MiB more than were asked for would be in no plan.

@@ -6,6 +6,9 @@
 
 namespace vkt {
 
+/// Bytes of a huge page.
+inline constexpr std::size_t huge_page = std::size_t{2} << 20;
+
 /// From now on blocks of 2 MiB or more that are freed are kept, `bytes` in all, together with what is asked for next;
 /// 0, as at the start, keeps none. Libraries that compute one result after the other want this; a process that streams
 /// reuses its slabs anyway. The kernel may take kept pages back when memory is short, and they are given back when an

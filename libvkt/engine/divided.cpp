@@ -22,7 +22,7 @@ namespace {
 /// nothing is handed on before the first is done.
 constexpr std::int64_t slabs_of_share = 2;
 /// That a share computes before the first is asked for.
-constexpr std::size_t slabs_ahead = 2;
+constexpr std::size_t slabs_a_share = 2;
 
 class Divided : public Source {
 public:
@@ -110,7 +110,7 @@ private:
         whole_ = region;
         auto const count = static_cast<std::int64_t>(shares_.size());
         std::size_t const slice = static_cast<std::size_t>(region.dims().x * region.dims().y) * size_of(header().dtype);
-        auto const most = static_cast<std::int64_t>(execution_.memory / 2 / (slabs_ahead * shares_.size() * slice));
+        auto const most = static_cast<std::int64_t>(execution_.memory / 2 / (slabs_a_share * shares_.size() * slice));
         std::int64_t const all = slabs_of_share * count;
         height_ = std::clamp<std::int64_t>(most, 1, (region.dims().z + all - 1) / all);
         taken_ = 0;
@@ -157,7 +157,7 @@ private:
 
     /// Waits until slabs before it were taken, and takes the memory of one of them. False if it is not wanted any more.
     bool may_begin(std::int64_t number, Buffer& memory) {
-        auto const most = static_cast<std::int64_t>(slabs_ahead * shares_.size());
+        auto const most = static_cast<std::int64_t>(slabs_a_share * shares_.size());
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return cancel_ || failure_ || number < taken_ + most; });
         if (cancel_ || failure_) return false;

@@ -131,7 +131,7 @@ std::optional<std::size_t> take_volume_file(Operation const& operation, Paramete
 }
 
 /// An operation with its parameters read and its inputs checked.
-struct Prepared {
+struct PreparedCall {
     std::unique_ptr<Operation> operation;
     StageInfo info;
     Execution execution;
@@ -139,11 +139,11 @@ struct Prepared {
     std::vector<std::unique_ptr<Source>> sources;
 };
 
-Prepared prepare(std::vector<std::string> words, std::vector<Volume> inputs, CallOptions const& call) {
+PreparedCall prepare(std::vector<std::string> words, std::vector<Volume> inputs, CallOptions const& call) {
     std::size_t const n = words_of_name(words);
     std::string const name(operation_name(n == 1 ? words[0] : words[0] + " " + words[1]));
     words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
-    Prepared prepared;
+    PreparedCall prepared;
     prepared.operation = make_operation(name);
     Operation& operation = *prepared.operation;
 
@@ -192,13 +192,13 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> inputs, Cal
 } // namespace
 
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& options) {
-    Prepared prepared = prepare(words, inputs, options);
+    PreparedCall prepared = prepare(words, inputs, options);
     if (prepared.operation->shape() == Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
     Volume volume;
     {
         int const gpus = prepared.execution.gpus;
-        std::vector<Prepared> others;
+        std::vector<PreparedCall> others;
         if (gpus > 1) // threads of their own will read them: nothing is moved then
             for (Volume const& input : inputs)
                 if (input.header().kind == Kind::structured) (void)input.view();
@@ -208,7 +208,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
         }
         std::vector<Share> shares;
         Execution const whole = on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers);
-        auto const add = [&](Prepared& one, int gpu) {
+        auto const add = [&](PreparedCall& one, int gpu) {
             Execution execution = gpus > 1 ? share_of(whole, gpus) : whole;
             execution.gpu += gpu;
             shares.push_back({attach(std::move(one.sources), *one.operation, execution, std::move(one.info)),
@@ -227,7 +227,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
 
 std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
                             CallOptions const& options) {
-    Prepared prepared = prepare(std::move(words), inputs, options);
+    PreparedCall prepared = prepare(std::move(words), inputs, options);
     if (prepared.operation->shape() != Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes a volume"), "apply it");
     if (prepared.execution.only_gpu && !prepared.operation->runs_on_gpu()) refuse_cpu(prepared.info.name);

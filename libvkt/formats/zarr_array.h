@@ -20,6 +20,9 @@
 
 namespace vkt::zarr {
 
+/// Begin and length of a chunk that a shard does not have.
+inline constexpr std::uint64_t absent = ~std::uint64_t{0};
+
 /// What undoes, or does, one step of compression. Checksums of four bytes stand behind what they are of, or before it.
 enum class Codec : std::uint8_t {
     zlib,

@@ -13,8 +13,6 @@
 namespace vkt::zarr {
 namespace {
 
-constexpr std::uint64_t absent = ~std::uint64_t{0};
-
 /// Bytes that are going to be read, at the beginning of memory that is kept.
 std::span<std::byte> room(LargeVector<std::byte>& memory, std::size_t n) {
     if (memory.size() < n) memory.resize(n);

@@ -24,11 +24,10 @@
 namespace vkt::zarr {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr std::int64_t usual_edge = 64;
 constexpr std::size_t most_history = std::size_t{256} << 10;
-constexpr std::uint64_t absent = ~std::uint64_t{0};
 
 /// A new file, or more of one.
 void write_file(std::string const& path, void const* data, std::size_t n, int how = O_EXCL) {
@@ -80,17 +79,17 @@ std::int64_t parts_of(std::int64_t all, std::int64_t one) { return (all - 1) / o
 std::array<std::int64_t, 3> as_key(Index3 v) { return {v.z, v.y, v.x}; }
 
 /// How version 2 and version 3 name a codec and its settings.
-Json compressor_v2(Codec codec, std::size_t element) {
+OrderedJson compressor_v2(Codec codec, std::size_t element) {
     if (codec == Codec::blosc)
         return {{"id", "blosc"}, {"cname", "zstd"}, {"clevel", 2}, {"shuffle", element > 1 ? 1 : 0}, {"blocksize", 0}};
     if (codec == Codec::zstd) return {{"id", "zstd"}, {"level", 3}};
     return {{"id", codec == Codec::gzip ? "gzip" : "zlib"}, {"level", 4}};
 }
 
-Json codecs_v3(std::optional<Codec> codec, std::size_t element) {
-    Json bytes{{"name", "bytes"}};
+OrderedJson codecs_v3(std::optional<Codec> codec, std::size_t element) {
+    OrderedJson bytes{{"name", "bytes"}};
     if (element > 1) bytes["configuration"] = {{"endian", "little"}};
-    Json list = Json::array({bytes});
+    OrderedJson list = OrderedJson::array({bytes});
     if (codec == Codec::blosc)
         list.push_back({{"name", "blosc"},
                         {"configuration",
@@ -106,8 +105,8 @@ Json codecs_v3(std::optional<Codec> codec, std::size_t element) {
     return list;
 }
 
-Json extents(Index3 v, std::vector<std::int64_t> const& before = {}) {
-    Json result = before;
+OrderedJson extents(Index3 v, std::vector<std::int64_t> const& before = {}) {
+    OrderedJson result = before;
     for (int a = 2; a >= 0; --a) result.push_back(v[a]);
     return result;
 }
@@ -118,15 +117,15 @@ void move(std::string const& from, std::string const& to) {
 
 } // namespace
 
-void write_json(std::string const& path, Json const& json) {
+void write_json(std::string const& path, OrderedJson const& json) {
     std::string const lines = json.dump(1) + "\n";
     write_file(path, lines.data(), lines.size());
 }
 
-Json kept_header(Header header) {
+OrderedJson kept_header(Header header) {
     header.timing = header.dry_run = false;
     if (header.history) header.history = parse_history(history_text(*header.history, most_history));
-    return Json::parse(to_json(header));
+    return OrderedJson::parse(to_json(header));
 }
 
 void make_directory(std::string const& path) {
@@ -265,31 +264,31 @@ void LevelWriter::close_shards() {
     sizes_.clear();
 }
 
-Json LevelWriter::metadata(Leading const& leading, Json const& attributes) const {
+OrderedJson LevelWriter::metadata(Leading const& leading, OrderedJson const& attributes) const {
     std::size_t const element = size_of(dtype_);
     std::vector<std::int64_t> const ones(leading.extents.size(), 1); // chunks are of one volume
-    Json names = leading.names;
+    OrderedJson names = leading.names;
     for (char const* const axis : {"z", "y", "x"}) names.push_back(axis);
     if (version_ == 2) {
         return {{"zarr_format", 2},
                 {"shape", extents(dims_, leading.extents)},
                 {"chunks", extents(chunk_, ones)},
                 {"dtype", type_name_v2(dtype_)},
-                {"compressor", codec_ ? compressor_v2(*codec_, element) : Json(nullptr)},
+                {"compressor", codec_ ? compressor_v2(*codec_, element) : OrderedJson(nullptr)},
                 {"fill_value", 0},
                 {"order", "C"},
                 {"filters", nullptr},
                 {"dimension_separator", "/"}};
     }
-    Json codecs = codecs_v3(codec_, element);
+    OrderedJson codecs = codecs_v3(codec_, element);
     if (sharded_)
-        codecs = Json::array(
+        codecs = OrderedJson::array(
             {{{"name", "sharding_indexed"},
               {"configuration",
                {{"chunk_shape", extents(chunk_, ones)},
                 {"codecs", codecs},
                 {"index_codecs",
-                 Json::array({{{"name", "bytes"}, {"configuration", {{"endian", "little"}}}}, {{"name", "crc32c"}}})},
+                 OrderedJson::array({{{"name", "bytes"}, {"configuration", {{"endian", "little"}}}}, {{"name", "crc32c"}}})},
                 {"index_location", "end"}}}}});
     return {{"zarr_format", 3},
             {"node_type", "array"},
@@ -297,7 +296,7 @@ Json LevelWriter::metadata(Leading const& leading, Json const& attributes) const
             {"data_type", std::string(name_of(dtype_))},
             {"chunk_grid", {{"name", "regular"}, {"configuration", {{"chunk_shape", extents(shard_, ones)}}}}},
             {"chunk_key_encoding", {{"name", "default"}, {"configuration", {{"separator", "/"}}}}},
-            {"fill_value", is_integer(dtype_) ? Json(0) : Json(0.0)},
+            {"fill_value", is_integer(dtype_) ? OrderedJson(0) : OrderedJson(0.0)},
             {"codecs", codecs},
             {"dimension_names", names},
             {"attributes", attributes}};
@@ -332,10 +331,10 @@ void LevelWriter::place_volumes(Leading const& leading) const {
     }
 }
 
-void LevelWriter::finish(Leading const& leading, Json const& attributes) {
+void LevelWriter::finish(Leading const& leading, OrderedJson const& attributes) {
     close_shards();
     place_volumes(leading);
-    Json const about = metadata(leading, attributes);
+    OrderedJson const about = metadata(leading, attributes);
     if (version_ == 3) return write_json(folder_ + "/zarr.json", about);
     write_json(folder_ + "/.zarray", about);
     write_json(folder_ + "/.zattrs", attributes);

@@ -35,10 +35,9 @@
 namespace vkt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 using zarr::Position;
 
-constexpr std::uint64_t absent = ~std::uint64_t{0};
 constexpr std::size_t most_text = std::size_t{16} << 20;
 
 /// A store of which some files were written anew and have not their names yet.
@@ -232,11 +231,11 @@ void RegionWriter::tell_past(Header const& part) {
     std::error_code failed;
     bool const second = std::filesystem::exists(zarr::key_of(folder, ".zarray"), failed);
     std::string const key = zarr::key_of(folder, second ? ".zattrs" : "zarr.json");
-    Json const said = Json::parse(found_->array.attributes, nullptr, false);
+    OrderedJson const said = OrderedJson::parse(found_->array.attributes, nullptr, false);
     if (!said.is_object() || !said.contains("vkt")) return;
     if (!std::filesystem::exists(key, failed))
         refuse("has its metadata in those of a group only", "write it as another array");
-    Json json = Json::parse(whole_text(key, most_text));
+    OrderedJson json = OrderedJson::parse(whole_text(key, most_text));
     RegionTarget there = target();
     for (char const* const name : {"variable", "levels"}) there.whole.attributes.erase(name);
     mark_as_given(there.whole);
@@ -342,7 +341,7 @@ void RegionWriter::rewrite(zarr::Chunks const& chunks, Index3 file, ConstView co
     std::vector<std::int64_t> parts(rank);
     std::int64_t count = 1;
     for (std::size_t k = 0; k < rank; ++k) count *= parts[k] = array.chunk[k] / array.inner[k];
-    std::vector<std::uint64_t> index(static_cast<std::size_t>(2 * count), absent);
+    std::vector<std::uint64_t> index(static_cast<std::size_t>(2 * count), zarr::absent);
     std::uint64_t const index_bytes = index.size() * sizeof(std::uint64_t) + (array.index_checksum ? 4 : 0);
     std::uint64_t next = array.sharded && array.index_first ? index_bytes : 0;
     for (std::int64_t i = 0; i < count; ++i) {

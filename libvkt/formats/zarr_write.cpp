@@ -34,7 +34,7 @@
 namespace vkt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 using zarr::LevelWriter, zarr::make_directory, zarr::write_json;
 
 constexpr std::int64_t coarsest = 64; ///< voxels along the longest axis of the last level
@@ -86,17 +86,17 @@ std::string ome_unit(Header const& header, char const* attribute, std::size_t ax
 
 /// How viewers show channels: by their names, white, in the range of their type. Null where only their numbers are
 /// known.
-Json omero(SeriesAxis const& axis, DataType type) {
+OrderedJson omero(SeriesAxis const& axis, DataType type) {
     std::vector<std::string> const names = channels_of(axis);
-    Json channels = Json::array();
+    OrderedJson channels = OrderedJson::array();
     bool named = false;
     for (std::size_t i = 0; i < names.size(); ++i) {
         named = named || names[i] != to_text(static_cast<std::int64_t>(i));
-        Json range = with_type(type, [&]<class T>(T) {
+        OrderedJson range = with_type(type, [&]<class T>(T) {
             if constexpr (std::is_integral_v<T>)
-                return std::array<Json, 2>{std::numeric_limits<T>::min(), std::numeric_limits<T>::max()};
+                return std::array<OrderedJson, 2>{std::numeric_limits<T>::min(), std::numeric_limits<T>::max()};
             else
-                return std::array<Json, 2>{0.0, 1.0};
+                return std::array<OrderedJson, 2>{0.0, 1.0};
         });
         channels.push_back(
             {{"label", names[i]},
@@ -104,7 +104,7 @@ Json omero(SeriesAxis const& axis, DataType type) {
              {"active", true},
              {"window", {{"min", range[0]}, {"max", range[1]}, {"start", range[0]}, {"end", range[1]}}}});
     }
-    return named ? Json{{"channels", channels}} : Json(nullptr);
+    return named ? OrderedJson{{"channels", channels}} : OrderedJson(nullptr);
 }
 
 /// Numbers with dots between them, as chunks are called, perhaps behind "c.".
@@ -181,9 +181,9 @@ private:
     void make_slice(std::size_t level, std::byte const* a, std::byte const* b);
     void open_levels();
     std::vector<SeriesAxis> axes() const;
-    Json image() const;
-    Json about() const;
-    Json dimensions() const;
+    OrderedJson image() const;
+    OrderedJson about() const;
+    OrderedJson dimensions() const;
     void pack();
 
     WriteOptions options_;
@@ -274,17 +274,17 @@ std::vector<SeriesAxis> ZarrWriter::axes() const {
 }
 
 /// What xarray looks for; version 3 names dimensions itself.
-Json ZarrWriter::dimensions() const {
-    if (options_.zarr.version != 2) return Json::object();
-    Json names = Json::array();
+OrderedJson ZarrWriter::dimensions() const {
+    if (options_.zarr.version != 2) return OrderedJson::object();
+    OrderedJson names = OrderedJson::array();
     for (SeriesAxis const& axis : axes()) names.push_back(axis.name());
     for (char const* const axis : {"z", "y", "x"}) names.push_back(axis);
     return {{"_ARRAY_DIMENSIONS", names}};
 }
 
 /// Of the finest array: besides, all of the header.
-Json ZarrWriter::about() const {
-    Json result = dimensions();
+OrderedJson ZarrWriter::about() const {
+    OrderedJson result = dimensions();
     if (header_.values != ValueMap{}) {
         result["scale_factor"] = header_.values.slope;
         result["add_offset"] = header_.values.intercept;
@@ -297,17 +297,17 @@ Json ZarrWriter::about() const {
 
 /// OME-NGFF 0.4, or 0.5 in version 3 of Zarr. A voxel of a coarser level lies in the middle of those that it is the
 /// mean of.
-Json ZarrWriter::image() const {
+OrderedJson ZarrWriter::image() const {
     Geometry const& g = header_.geometry;
     constexpr std::pair<char const*, char const*> units_of_space[] = {
         {"um", "micrometer"}, {"mm", "millimeter"}, {"nm", "nanometer"}, {"m", "meter"}, {"angstrom", "angstrom"}};
     std::string const length = ome_unit(header_, "space units", 3, units_of_space);
     std::vector<SeriesAxis> const series = axes();
-    Json axes = Json::array();
-    Json before = Json::array(), first = Json::array(); // scales and translations of dimensions before z
-    Json channels;
+    OrderedJson axes = OrderedJson::array();
+    OrderedJson before = OrderedJson::array(), first = OrderedJson::array(); // scales and translations of dimensions before z
+    OrderedJson channels;
     for (SeriesAxis const& axis : series) {
-        Json entry{{"name", axis.name()}, {"type", axis.time ? "time" : "channel"}};
+        OrderedJson entry{{"name", axis.name()}, {"type", axis.time ? "time" : "channel"}};
         auto const steps = axis.time ? steps_of(axis, header_) : std::nullopt;
         std::string const unit = steps ? ome_unit(header_, "sequence units", 1, zarr::units_of_time) : "";
         if (!unit.empty()) entry["unit"] = unit;
@@ -317,13 +317,13 @@ Json ZarrWriter::image() const {
         if (!axis.time) channels = omero(axis, header_.dtype);
     }
     for (char const* const axis : {"z", "y", "x"}) {
-        Json entry{{"name", axis}, {"type", "space"}};
+        OrderedJson entry{{"name", axis}, {"type", "space"}};
         if (!length.empty()) entry["unit"] = length;
         axes.push_back(entry);
     }
-    Json datasets = Json::array();
+    OrderedJson datasets = OrderedJson::array();
     for (std::size_t i = 0; i < levels_.size(); ++i) {
-        Json scale = before, translation = first;
+        OrderedJson scale = before, translation = first;
         for (int a = 2; a >= 0; --a) {
             // Axes of one voxel are not halved any more.
             double width = 1;
@@ -338,12 +338,12 @@ Json ZarrWriter::image() const {
               {{{"type", "scale"}, {"scale", scale}}, {{"type", "translation"}, {"translation", translation}}}}});
     }
     bool const second = options_.zarr.version == 2;
-    Json about{{"axes", axes}, {"datasets", datasets}, {"type", "mean"}};
-    Json result = second ? Json::object() : Json{{"version", "0.5"}};
+    OrderedJson about{{"axes", axes}, {"datasets", datasets}, {"type", "mean"}};
+    OrderedJson result = second ? OrderedJson::object() : OrderedJson{{"version", "0.5"}};
     if (second) about["version"] = "0.4";
-    result["multiscales"] = Json::array({about});
+    result["multiscales"] = OrderedJson::array({about});
     if (!channels.is_null()) result["omero"] = channels;
-    return second ? result : Json{{"ome", result}};
+    return second ? result : OrderedJson{{"ome", result}};
 }
 
 void ZarrWriter::close() {

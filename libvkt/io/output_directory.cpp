@@ -28,7 +28,7 @@ std::string real_path(std::string path) {
     return failure ? path : real.string();
 }
 
-Error exists_already(std::string const& path) {
+Error directory_exists_already(std::string const& path) {
     return Error(ErrorKind::io, text("cannot write '", path, "': the directory exists"), "replace it with --force");
 }
 
@@ -44,7 +44,7 @@ OutputDirectory::OutputDirectory(std::string path, bool force,
                         "name another one, or files: brick%04d.nrrd");
         std::error_code failure;
         replaces_ = !std::filesystem::is_empty(path_, failure);
-        if (replaces_ && !force) throw exists_already(path_);
+        if (replaces_ && !force) throw directory_exists_already(path_);
         if (replaces_ && !replaceable(path_))
             throw Error(ErrorKind::io, text("cannot write '", path_, "': it holds files that are no ", what),
                         text("only directories of ", what, " are replaced"));
@@ -79,7 +79,7 @@ void OutputDirectory::commit() {
     // A directory may take the place of an empty one.
     int const done = replaces_ ? ::renameat2(AT_FDCWD, temporary_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE)
                                : ::rename(temporary_.c_str(), path_.c_str());
-    if (done != 0 && (errno == EEXIST || errno == ENOTEMPTY)) throw exists_already(path_);
+    if (done != 0 && (errno == EEXIST || errno == ENOTEMPTY)) throw directory_exists_already(path_);
     if (done != 0) throw system_error(text("cannot write '", path_, "'"));
     if (replaces_) remove_directory(temporary_); // what was there before
     temporary_.clear();

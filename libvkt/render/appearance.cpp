@@ -6,6 +6,7 @@
 #include "libvkt/render/categories.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/prepared.h"
+#include "libvkt/render/refuse.h"
 #include "libvkt/render/world.h"
 
 #include <algorithm>
@@ -15,10 +16,6 @@
 namespace vkt::render {
 
 namespace {
-
-[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
-    throw Error(ErrorKind::usage, message, hint);
-}
 
 /// "A0,A1,…" over the domain or "VALUE:A,VALUE:A,…".
 std::vector<std::pair<double, double>> read_opacity(std::string const& words, Domain const& domain) {

@@ -44,11 +44,11 @@ void check_finite(std::optional<Vec3> const& v, char const* what) {
 }
 
 /// Direction from the target to the eye, and what is upwards unless the user says so.
-struct View {
+struct ViewSide {
     Vec3 side, up;
     double azimuth;
 };
-View view_of(CameraRequest const& request) {
+ViewSide view_of(CameraRequest const& request) {
     double azimuth = 32, elevation = 22;
     static constexpr std::array<std::pair<char const*, std::array<double, 2>>, 7> views{{
         {"oblique", {32, 22}},
@@ -79,7 +79,7 @@ View view_of(CameraRequest const& request) {
     Vec3 const ahead{clean(-std::sin(a)), clean(std::cos(a)), 0}; // what a camera of that azimuth looks along
     // From above and below, the picture is turned as it is just before: that is where the z axis pointed.
     if (upright)
-        return elevation > 0 ? View{{0, 0, 1}, ahead, azimuth} : View{{0, 0, -1}, Vec3{0, 0, 0} - ahead, azimuth};
+        return elevation > 0 ? ViewSide{{0, 0, 1}, ahead, azimuth} : ViewSide{{0, 0, -1}, Vec3{0, 0, 0} - ahead, azimuth};
     return {
         {clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))}, {0, 0, 1}, azimuth};
 }
@@ -174,7 +174,7 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
         std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
     camera.fov = 2 * std::atan(tangent) * 180 / std::numbers::pi;
     camera.target = centre;
-    View const view = view_of(request);
+    ViewSide const view = view_of(request);
     camera.up = request.up.value_or(view.up);
     if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
 

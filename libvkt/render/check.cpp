@@ -3,6 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/passes.h"
+#include "libvkt/render/refuse.h"
 #include "libvkt/render/render.h"
 
 #include <algorithm>
@@ -13,10 +14,6 @@ namespace vkt::render {
 namespace {
 
 constexpr int largest_image = 16384;
-
-[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
-    throw Error(ErrorKind::usage, message, hint);
-}
 
 } // namespace
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/refuse.h"
 #include "libvkt/render/settings.h"
 
 #include <algorithm>
@@ -11,10 +12,6 @@
 namespace vkt::render {
 
 namespace {
-
-[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
-    throw Error(ErrorKind::usage, message, hint);
-}
 
 Layer const* find(PictureContents const& picture, std::string const& name) {
     auto const found =

@@ -161,12 +161,12 @@ std::vector<double> features(Plane const& lightness, double ppd, bool points) {
 }
 
 /// What both pipelines need of one picture.
-struct View {
+struct SeenPicture {
     std::vector<Color3> colors; ///< Hunt-adjusted L*a*b* of what the eye resolves
     std::vector<double> edges, points;
 };
 
-View view_of(Image const& image, Spaces const& spaces, double ppd) {
+SeenPicture view_of(Image const& image, Spaces const& spaces, double ppd) {
     std::size_t const n = image.pixels.size() / 4;
     std::array<Plane, 3> planes;
     for (Plane& plane : planes) plane = {image.width, image.height, std::vector<double>(n)};
@@ -179,7 +179,7 @@ View view_of(Image const& image, Spaces const& spaces, double ppd) {
         for (std::size_t c = 0; c < 3; ++c) planes[c].values[i] = opponent[c];
         lightness.values[i] = (opponent[0] + 16) / 116;
     }
-    View view;
+    SeenPicture view;
     view.edges = features(lightness, ppd, false);
     view.points = features(lightness, ppd, true);
     planes = {seen(planes[0], achromatic, ppd), seen(planes[1], red_green, ppd), seen(planes[2], blue_yellow, ppd)};
@@ -197,7 +197,7 @@ View view_of(Image const& image, Spaces const& spaces, double ppd) {
 std::vector<float> flip(Image const& reference, Image const& test, double pixels_per_degree) {
     constexpr double qc = 0.7, pc = 0.4, pt = 0.95, qf = 0.5;
     Spaces const spaces;
-    View const one = view_of(reference, spaces, pixels_per_degree), other = view_of(test, spaces, pixels_per_degree);
+    SeenPicture const one = view_of(reference, spaces, pixels_per_degree), other = view_of(test, spaces, pixels_per_degree);
     double const most = std::pow(hyab(spaces.hunt_lab({0, 1, 0}), spaces.hunt_lab({0, 0, 1})), qc), knee = pc * most;
     std::vector<float> errors(one.colors.size());
     for (std::size_t i = 0; i < errors.size(); ++i) {

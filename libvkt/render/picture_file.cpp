@@ -71,8 +71,8 @@ void take(png_structp png, png_bytep to, std::size_t n) {
     std::memcpy(to, from.bytes.data() + from.at, n);
     from.at += n;
 }
-[[noreturn]] void fail(png_structp, char const* message) { throw Error(ErrorKind::data, message); }
-void ignore(png_structp, char const*) {}
+[[noreturn]] void fail_reading(png_structp, char const* message) { throw Error(ErrorKind::data, message); }
+void ignore_warning(png_structp, char const*) {}
 
 /// Channels of 8 or 16 bits as linear light.
 void store(png_bytep row, bool wide, bool alpha, std::vector<float> const& linear, float* to, int width) {
@@ -90,7 +90,7 @@ void store(png_bytep row, bool wide, bool alpha, std::vector<float> const& linea
 
 void decode_png(std::span<std::byte const> bytes, PictureContents& into) {
     PngBytes from{bytes};
-    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore);
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, fail_reading, ignore_warning);
     if (png == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG decoder");
     png_infop info = png_create_info_struct(png);
     try {

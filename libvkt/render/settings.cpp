@@ -6,6 +6,7 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/render/keyframes.h"
 #include "libvkt/render/passes.h"
+#include "libvkt/render/refuse.h"
 #include "libvkt/render/transfer_file.h"
 
 #include <algorithm>
@@ -17,10 +18,6 @@
 namespace vkt::render {
 
 namespace {
-
-[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
-    throw Error(ErrorKind::usage, message, hint);
-}
 
 /// "R,G,B" or "R,G,B,A", or one number for grey; each in [0,1].
 std::vector<double> read_color(std::string const& name, std::string const& words, std::size_t most) {

@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/tiff/complaint.h"
 
 #include <algorithm>
 #include <array>
@@ -26,12 +27,6 @@ namespace {
 
 constexpr std::int64_t most_pages = std::int64_t{1} << 20;
 constexpr std::uint32_t tag_of_zeiss = 34412; ///< CZ_LSMINFO
-
-void complain(char const* module, char const* format, va_list arguments) {
-    char line[300];
-    std::vsnprintf(line, sizeof line, format, arguments);
-    complaint() = text(module != nullptr ? text(module, ": ") : "", line);
-}
 
 /// libtiff makes single precision of ratios: the decimal that it most likely was.
 double as_written(float ratio) {
@@ -143,11 +138,6 @@ bool encodes_pictures(std::uint16_t compression) {
 }
 
 } // namespace
-
-std::string& complaint() {
-    static std::string words; // the handler has no other place for it
-    return words;
-}
 
 Pages::Pages(std::string const& path) : path_(path) {
     TIFFSetErrorHandler(complain);

@@ -14,9 +14,6 @@
 
 namespace vkt::tiff {
 
-/// What libtiff complained of last; there is one file in a process.
-std::string& complaint();
-
 /// What its directory says of a page.
 struct Page {
     std::size_t file = 0; ///< 0: the one that was opened, others are those of its description

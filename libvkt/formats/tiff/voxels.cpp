@@ -3,6 +3,7 @@
 #include "libvkt/formats/tiff/voxels.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/formats/tiff/complaint.h"
 
 #include <algorithm>
 #include <cstring>

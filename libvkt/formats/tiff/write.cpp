@@ -6,6 +6,7 @@
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/series_axes.h"
+#include "libvkt/formats/tiff/complaint.h"
 #include "libvkt/formats/tiff_module.h"
 
 #include <tiffio.h>
@@ -30,14 +31,6 @@ constexpr std::size_t compressed_strip = std::size_t{256} << 10;
 /// Readers that look for slices in one piece find them up to here; libtiff holds a strip in memory.
 constexpr std::size_t largest_strip = std::size_t{64} << 20;
 constexpr std::size_t most_history = std::size_t{256} << 10;
-
-thread_local std::string complaint;
-
-void complain(char const* module, char const* format, va_list arguments) {
-    char line[300];
-    std::vsnprintf(line, sizeof line, format, arguments);
-    complaint = text(module != nullptr ? text(module, ": ") : "", line);
-}
 
 /// Empty for types that OME does not know.
 std::string ome_type(DataType type) {
@@ -111,8 +104,8 @@ public:
 
 private:
     [[noreturn]] void fail() const {
-        bool const full = complaint.find("Maximum TIFF file size") != std::string::npos;
-        throw Error(full ? ErrorKind::usage : ErrorKind::io, text("cannot write '", file_.path(), "': ", complaint),
+        bool const full = complaint().find("Maximum TIFF file size") != std::string::npos;
+        throw Error(full ? ErrorKind::usage : ErrorKind::io, text("cannot write '", file_.path(), "': ", complaint()),
                     full ? "write one file for each volume: name it like out_%04d.tif" : "");
     }
     void need(bool done) const {
@@ -277,7 +270,7 @@ void TiffWriter::begin_page() {
 }
 
 void TiffWriter::flush_strip() {
-    complaint.clear();
+    complaint().clear();
     need(TIFFWriteEncodedStrip(tiff_, strip_++, held_.data(), static_cast<tmsize_t>(held_.size())) >= 0);
     held_.clear();
 }
@@ -295,7 +288,7 @@ void TiffWriter::write(std::byte const* voxels, std::size_t n) {
         if (take < wanted) return;
         flush_strip();
         if (rows_done_ < height) continue;
-        complaint.clear();
+        complaint().clear();
         need(TIFFWriteDirectory(tiff_) != 0);
         in_page_ = false;
         ++page_;
@@ -312,7 +305,7 @@ void TiffWriter::close() {
     if (!series_.differing().empty() && options_.notice)
         options_.notice(text("one TIFF file does not hold attributes that differ between its volumes (",
                              join(series_.differing(), ", "), "): not kept"));
-    complaint.clear();
+    complaint().clear();
     if (volumes > 1) { // their number stands in the first page
         need(TIFFSetDirectory(tiff_, 0) != 0);
         need(TIFFSetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, description().c_str()) != 0);
@@ -320,7 +313,7 @@ void TiffWriter::close() {
     }
     need(TIFFFlush(tiff_) != 0);
     TIFFClose(std::exchange(tiff_, nullptr));
-    if (!complaint.empty()) fail();
+    if (!complaint().empty()) fail();
     file_.commit();
 }
 

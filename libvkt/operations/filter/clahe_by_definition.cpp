@@ -19,7 +19,7 @@ namespace {
 using Real = long double; // holds integers of 64 bits
 
 /// Bricks of equal size along one axis, of which a voxel that lies across a face is in both.
-struct Parts {
+struct AxisBricks {
     std::int64_t voxels = 1, bricks = 1;
 
     Real width() const { return static_cast<Real>(voxels) / static_cast<Real>(bricks); }
@@ -137,7 +137,7 @@ std::optional<WrongVoxel> Clahe::wrong_voxel(ConstView input, ConstView output) 
     });
     if (!certain) return std::nullopt;
 
-    std::array<Parts, 3> parts;
+    std::array<AxisBricks, 3> parts;
     for (int axis = 0; axis < 3; ++axis)
         parts[static_cast<std::size_t>(axis)] = {n[axis], std::min(bricks_[axis], n[axis])};
     auto const& [px, py, pz] = parts;

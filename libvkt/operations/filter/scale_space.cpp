@@ -9,7 +9,7 @@ namespace vkt {
 
 namespace {
 
-constexpr double most_sigma = 100, cut = 5;
+constexpr double most_scale = 100, cut = 5;
 
 /// exp(-k^2 / 2 sigma^2) for k from 0 to 5 sigma.
 std::vector<double> sampled_gaussian(double sigma) {
@@ -67,9 +67,9 @@ protected:
     Vec3 sigma_in_voxels(Header const& in, Index3 cell_width, double factor = 1) const {
         Vec3 const sigma = sigma_in_cells(sigma_ * factor, unit_, in, cell_width);
         for (int axis = 0; axis < 3; ++axis)
-            if (sigma[axis] > most_sigma)
+            if (sigma[axis] > most_scale)
                 throw Error(ErrorKind::usage,
-                            text(name(), ": a sigma of ", sigma[axis], " voxels is more than ", most_sigma),
+                            text(name(), ": a sigma of ", sigma[axis], " voxels is more than ", most_scale),
                             "resample the volume first: vkt resample --scale 0.25");
         return sigma;
     }

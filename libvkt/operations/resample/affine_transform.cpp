@@ -14,7 +14,6 @@
 namespace vkt {
 namespace {
 
-constexpr double same_voxel = 1e-6;
 
 /// A lattice along the same axes as another.
 struct Lattice {

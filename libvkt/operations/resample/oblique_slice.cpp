@@ -16,7 +16,6 @@
 namespace vkt {
 namespace {
 
-constexpr double same_voxel = 1e-6;
 
 /// Directions of the world, of length 1 and at right angles.
 struct Frame {

@@ -20,7 +20,6 @@ namespace vkt {
 
 namespace {
 
-constexpr double same_voxel = 1e-6;    ///< positions so near are the same where voxels are copied
 constexpr double same_position = 1e-9; ///< … where they are interpolated
 
 Vec3& column(Affine& map, int axis) { return map.column[static_cast<std::size_t>(axis)]; }

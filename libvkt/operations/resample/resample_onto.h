@@ -18,6 +18,9 @@
 
 namespace vkt {
 
+/// Positions so near, in voxels, are the same.
+inline constexpr double same_voxel = 1e-6;
+
 /// An output grid in voxels of the input.
 struct Placement {
     Affine map; ///< output index to input index

@@ -20,7 +20,7 @@ VKT_OPERATION(Histogram, "histogram")
 
 namespace {
 
-constexpr std::size_t most_text = std::size_t{64} << 20; // no 65536 bins take more
+constexpr std::size_t most_histogram_text = std::size_t{64} << 20; // no 65536 bins take more
 
 constexpr std::string_view mergeable_mark = "vkt histogram 1";
 
@@ -203,7 +203,7 @@ void Histogram::measure(Measurement& to) {
     }
     std::optional<HistogramResult> sum;
     for (std::string const& file : merged) {
-        HistogramResult part = histogram_from_json(whole_text(file, most_text), file);
+        HistogramResult part = histogram_from_json(whole_text(file, most_histogram_text), file);
         if (sum)
             sum->add(part);
         else

@@ -35,7 +35,7 @@ char const* key_name(GroupedBy by) {
     return "";
 }
 
-constexpr std::size_t most_text = std::size_t{1} << 30; // of partial results
+constexpr std::size_t most_statistics_text = std::size_t{1} << 30; // of partial results
 
 Report named(std::string const& name) {
     Report report;
@@ -199,7 +199,7 @@ private:
     GroupedResult sum_of_parts() const {
         std::optional<GroupedResult> sum;
         for (std::string const& file : merged) {
-            GroupedResult part = grouped_from_json(whole_text(file, most_text), file);
+            GroupedResult part = grouped_from_json(whole_text(file, most_statistics_text), file);
             if (sum)
                 sum->add(part);
             else

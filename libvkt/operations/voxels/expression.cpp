@@ -202,10 +202,10 @@ private:
     std::map<Key, int> known_;
 };
 
-enum class Kind : std::uint8_t { number, name, sign, end };
+enum class TokenKind : std::uint8_t { number, name, sign, end };
 
 struct Token {
-    Kind kind = Kind::end;
+    TokenKind kind = TokenKind::end;
     std::string_view word;
     std::size_t at = 0; ///< first byte
 };
@@ -220,23 +220,23 @@ public:
     Token next() {
         while (at_ < text_.size() && std::string_view(" \t\n\r").find(text_[at_]) != std::string_view::npos) ++at_;
         std::size_t const begin = at_;
-        if (begin == text_.size()) return {Kind::end, {}, begin};
+        if (begin == text_.size()) return {TokenKind::end, {}, begin};
         char const c = text_[at_];
         if (is_digit(c) || (c == '.' && is_digit(peek(1)))) {
             take_number();
-            return {Kind::number, text_.substr(begin, at_ - begin), begin};
+            return {TokenKind::number, text_.substr(begin, at_ - begin), begin};
         }
         if (is_letter(c)) {
             while (is_letter(peek(0)) || is_digit(peek(0))) ++at_;
-            return {Kind::name, text_.substr(begin, at_ - begin), begin};
+            return {TokenKind::name, text_.substr(begin, at_ - begin), begin};
         }
         for (std::string_view const sign : {"**", "&&", "||", "==", "!=", "<=", ">="})
             if (text_.substr(at_).starts_with(sign)) {
                 at_ += 2;
-                return {Kind::sign, text_.substr(begin, 2), begin};
+                return {TokenKind::sign, text_.substr(begin, 2), begin};
             }
         at_ += first_character(text_.substr(at_)).bytes;
-        return {Kind::sign, text_.substr(begin, at_ - begin), begin};
+        return {TokenKind::sign, text_.substr(begin, at_ - begin), begin};
     }
 
 private:
@@ -320,10 +320,10 @@ public:
     explicit Parser(std::string_view text) : text_(text), lexer_(text) { advance(); }
 
     int whole() {
-        if (token_.kind == Kind::end)
+        if (token_.kind == TokenKind::end)
             throw Error(ErrorKind::usage, "the expression is empty", "for example 'v * 2 + 1'");
         int const result = choice();
-        if (token_.kind != Kind::end) unexpected("an operator or the end");
+        if (token_.kind != TokenKind::end) unexpected("an operator or the end");
         return result;
     }
     Graph const& graph() const { return graph_; }
@@ -351,7 +351,7 @@ private:
         for (char const c : text_.substr(0, token.at))
             column += (static_cast<unsigned char>(c) & 0xc0U) != 0x80U ? 1 : 0;
         std::string const word =
-            token.kind == Kind::end ? "the end" : text("'", printable(token.word.substr(0, 40)), "'");
+            token.kind == TokenKind::end ? "the end" : text("'", printable(token.word.substr(0, 40)), "'");
         throw Error(ErrorKind::usage, text("expression, column ", column, ", at ", word, ": ", what), hint);
     }
     [[noreturn]] void unexpected(std::string_view wanted) const {
@@ -359,13 +359,13 @@ private:
         if (token_.word == "=") hint = "== compares";
         if (token_.word == "%") hint = "the rest of a division is mod(a, b), or fmod(a, b) with the sign of a";
         if (token_.word == "&" || token_.word == "|") hint = "logic is said with and, or, not";
-        if (token_.kind == Kind::number || token_.kind == Kind::name || token_.word == "(")
+        if (token_.kind == TokenKind::number || token_.kind == TokenKind::name || token_.word == "(")
             hint = "a product is said with *";
         fail(token_, text(wanted, " is expected"), hint);
     }
     void advance() { token_ = lexer_.next(); }
     bool is(std::string_view sign) const {
-        return (token_.kind == Kind::sign || token_.kind == Kind::name) && token_.word == sign;
+        return (token_.kind == TokenKind::sign || token_.kind == TokenKind::name) && token_.word == sign;
     }
     bool take(std::string_view sign) {
         if (!is(sign)) return false;
@@ -416,7 +416,7 @@ private:
 
     int primary() {
         Token const token = token_;
-        if (token.kind == Kind::number) {
+        if (token.kind == TokenKind::number) {
             advance();
             if (!is_number(token.word)) fail(token, "not a number");
             return graph_.number(parse_double(token.word));
@@ -426,7 +426,7 @@ private:
             expect(")");
             return inside;
         }
-        if (token.kind != Kind::name || is("and") || is("or")) unexpected("a value");
+        if (token.kind != TokenKind::name || is("and") || is("or")) unexpected("a value");
         advance();
         if (auto const* const function = find(functions, token.word)) return call(token, *function);
         if (auto const letter = volume_letters.find(token.word);
@@ -505,7 +505,7 @@ private:
         bool const negative = take("-");
         if (!negative) take("+");
         Token const token = token_;
-        if (token.kind != Kind::number || token.word.find_first_not_of("0123456789") != std::string_view::npos)
+        if (token.kind != TokenKind::number || token.word.find_first_not_of("0123456789") != std::string_view::npos)
             fail(token, "the offset of a neighbour is a whole number", "for example v[-1,0,0], along x, y and z");
         advance();
         double const value = parse_double(token.word);

@@ -14,7 +14,7 @@ namespace {
 constexpr std::int64_t most_bins = 65536;
 constexpr std::int64_t float_bins = 256;
 
-bool is_wide(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
+bool is_wide_integer(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
 
 /// The last bin of the lower class. Bins are as good as values: classes do not change when values are scaled.
 std::size_t best_cut(std::vector<std::int64_t> const& counts) {
@@ -72,7 +72,7 @@ bool Otsu::end_pass() {
     if (!any_)
         throw Error(ErrorKind::data, "no voxel is a finite number: there is no threshold to find",
                     "give one: --above T");
-    if (!is_wide(type_) && is_integer(type_)) {
+    if (!is_wide_integer(type_) && is_integer(type_)) {
         whole_low_ = static_cast<Int128>(low_);
         whole_high_ = static_cast<Int128>(high_);
     }
