@@ -119,7 +119,8 @@ void vktHierarchicalVolumeCreateCopy(vktHierarchicalVolume* volume, vktHierarchi
     volkit::attempt([&] {
         c::need(volume, "volume");
         auto copy = std::make_unique<vktHierarchicalVolume_impl>();
-        copy->volume.reset(c::wrapped(needed_tree(rhs)->volume->volume)); // of the same cells, until one of them is written
+        copy->volume.reset(
+            c::wrapped(needed_tree(rhs)->volume->volume)); // of the same cells, until one of them is written
         copy->bricks = rhs->bricks;
         copy->lowest = rhs->lowest;
         copy->format = rhs->format;

@@ -287,8 +287,8 @@ OrderedJson LevelWriter::metadata(Leading const& leading, OrderedJson const& att
               {"configuration",
                {{"chunk_shape", extents(chunk_, ones)},
                 {"codecs", codecs},
-                {"index_codecs",
-                 OrderedJson::array({{{"name", "bytes"}, {"configuration", {{"endian", "little"}}}}, {{"name", "crc32c"}}})},
+                {"index_codecs", OrderedJson::array({{{"name", "bytes"}, {"configuration", {{"endian", "little"}}}},
+                                                     {{"name", "crc32c"}}})},
                 {"index_location", "end"}}}}});
     return {{"zarr_format", 3},
             {"node_type", "array"},

@@ -304,7 +304,8 @@ OrderedJson ZarrWriter::image() const {
     std::string const length = ome_unit(header_, "space units", 3, units_of_space);
     std::vector<SeriesAxis> const series = axes();
     OrderedJson axes = OrderedJson::array();
-    OrderedJson before = OrderedJson::array(), first = OrderedJson::array(); // scales and translations of dimensions before z
+    OrderedJson before = OrderedJson::array(),
+                first = OrderedJson::array(); // scales and translations of dimensions before z
     OrderedJson channels;
     for (SeriesAxis const& axis : series) {
         OrderedJson entry{{"name", axis.name()}, {"type", axis.time ? "time" : "channel"}};

@@ -79,7 +79,8 @@ ViewSide view_of(CameraRequest const& request) {
     Vec3 const ahead{clean(-std::sin(a)), clean(std::cos(a)), 0}; // what a camera of that azimuth looks along
     // From above and below, the picture is turned as it is just before: that is where the z axis pointed.
     if (upright)
-        return elevation > 0 ? ViewSide{{0, 0, 1}, ahead, azimuth} : ViewSide{{0, 0, -1}, Vec3{0, 0, 0} - ahead, azimuth};
+        return elevation > 0 ? ViewSide{{0, 0, 1}, ahead, azimuth}
+                             : ViewSide{{0, 0, -1}, Vec3{0, 0, 0} - ahead, azimuth};
     return {
         {clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))}, {0, 0, 1}, azimuth};
 }

@@ -197,7 +197,8 @@ SeenPicture view_of(Image const& image, Spaces const& spaces, double ppd) {
 std::vector<float> flip(Image const& reference, Image const& test, double pixels_per_degree) {
     constexpr double qc = 0.7, pc = 0.4, pt = 0.95, qf = 0.5;
     Spaces const spaces;
-    SeenPicture const one = view_of(reference, spaces, pixels_per_degree), other = view_of(test, spaces, pixels_per_degree);
+    SeenPicture const one = view_of(reference, spaces, pixels_per_degree),
+                      other = view_of(test, spaces, pixels_per_degree);
     double const most = std::pow(hyab(spaces.hunt_lab({0, 1, 0}), spaces.hunt_lab({0, 0, 1})), qc), knee = pc * most;
     std::vector<float> errors(one.colors.size());
     for (std::size_t i = 0; i < errors.size(); ++i) {

@@ -148,12 +148,7 @@ public:
     }
 
     bool reports() const override { return true; }
-    /// Blocks of 32 x 8 voxels and all that they look at must lie in shared memory.
-    bool runs_on_gpu() const override {
-        Index3 const reach = patch_.voxels + search_.voxels;
-        std::int64_t const value = size_of(input_.dtype) <= 2 || input_.dtype == DataType::float32 ? 4 : 8;
-        return (32 + 2 * reach.x) * (8 + 2 * reach.y) * (2 * reach.z + 1) * value <= 200 << 10;
-    }
+    bool runs_on_gpu() const override { return true; }
 
     /// Noise and strength, in physical values.
     Report report() const override {

@@ -14,7 +14,6 @@
 namespace vkt {
 namespace {
 
-
 /// A lattice along the same axes as another.
 struct Lattice {
     Index3 dims;

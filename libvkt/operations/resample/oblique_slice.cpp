@@ -16,7 +16,6 @@
 namespace vkt {
 namespace {
 
-
 /// Directions of the world, of length 1 and at right angles.
 struct Frame {
     Vec3 x, y, normal;

@@ -167,9 +167,10 @@ template <> struct LatticeSampler<AnyVoxel> {
 
     /// Calls f(sampler) with that of the type.
     template <class F> VKT_HD decltype(auto) with(F&& f) const {
-        return with_lattice_type(type, [&]<class T>(T) __attribute__((always_inline)) {
-            return f(LatticeSampler<T>{static_cast<T const*>(data), row, slice, compact});
-        });
+        return with_lattice_type(
+            type, [&]<class T>(T) __attribute__((always_inline)) {
+                return f(LatticeSampler<T>{static_cast<T const*>(data), row, slice, compact});
+            });
     }
     VKT_HD bool all_there() const { return type != LatticeType::float32; }
     VKT_HD float voxel(int x, int y, int z) const {

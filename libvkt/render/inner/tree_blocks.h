@@ -76,27 +76,29 @@ template <class T> struct BlockPoints {
     Places points, middles; ///< middle k + 1 is that of segment k, which ends in point k + 1
 
     VKT_HD void values_of(int first, int count, float* out) const {
-        with_voxel_type<T>(type, [&]<class V>(V) __attribute__((always_inline)) {
+        with_voxel_type<T>(
+            type, [&]<class V>(V) __attribute__((always_inline)) {
 #ifdef VKT_LANES
-            for (int k = 0; k < count; k += VKT_LANES) {
-                LaneCells const c = lanes_of<V>(points, first + k);
-                Lanes::store(out + k,
-                             lane_cell<V>(static_cast<char const*>(cells), c, row_bytes<V>, slice_bytes<V>));
-            }
+                for (int k = 0; k < count; k += VKT_LANES) {
+                    LaneCells const c = lanes_of<V>(points, first + k);
+                    Lanes::store(out + k,
+                                 lane_cell<V>(static_cast<char const*>(cells), c, row_bytes<V>, slice_bytes<V>));
+                }
 #else
             for (int k = 0; k < count; ++k)
                 out[k] = block_sampler(static_cast<V const*>(cells), points.block[first + k])
                              .value({points.at[0][first + k], points.at[1][first + k], points.at[2][first + k]});
 #endif
-        });
+            });
     }
     template <int n> VKT_HD void gradients_of(int first, float* gx, float* gy, float* gz) const {
-        with_voxel_type<T>(type, [&]<class V>(V) __attribute__((always_inline)) {
+        with_voxel_type<T>(
+            type, [&]<class V>(V) __attribute__((always_inline)) {
 #ifdef VKT_LANES
-            static_assert(n % VKT_LANES == 0);
-            for (int k = 0; k < n; k += VKT_LANES)
-                lane_gradients<V>(static_cast<char const*>(cells), lanes_of<V>(middles, first + 1 + k), row_bytes<V>,
-                                  slice_bytes<V>, gx + k, gy + k, gz + k);
+                static_assert(n % VKT_LANES == 0);
+                for (int k = 0; k < n; k += VKT_LANES)
+                    lane_gradients<V>(static_cast<char const*>(cells), lanes_of<V>(middles, first + 1 + k),
+                                      row_bytes<V>, slice_bytes<V>, gx + k, gy + k, gz + k);
 #else
             for (int k = 0; k < n; ++k) {
                 Float3 const g = block_sampler(static_cast<V const*>(cells), middles.block[first + 1 + k])
@@ -105,7 +107,7 @@ template <class T> struct BlockPoints {
                 gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
             }
 #endif
-        });
+            });
         // Of a block they are differences over its own cells.
         float const* const per = middles.per_finest + first + 1;
         for (int k = 0; k < n; ++k) gx[k] *= per[k];
@@ -116,7 +118,7 @@ template <class T> struct BlockPoints {
 private:
 #ifdef VKT_LANES
     template <class V> static constexpr std::int64_t row_bytes = block_edge * sizeof(V);
-    template <class V> static constexpr std::int64_t slice_bytes = block_edge * row_bytes<V>;
+    template <class V> static constexpr std::int64_t slice_bytes = block_edge* block_edge * sizeof(V);
     template <class V> VKT_HD static LaneCells lanes_of(Places const& places, int k) {
         Lanes::F const x = Lanes::load(places.at[0] + k), y = Lanes::load(places.at[1] + k),
                        z = Lanes::load(places.at[2] + k);

@@ -277,8 +277,7 @@ template <class T> struct TreeField {
             for (int s = 0; s < 6; ++s) {
                 if (!met[s]) continue;
                 detail::CellWeights const there = detail::taps_along(brick, s / 2, moved[s], part);
-                add_cells(brick, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
-                                     s / 2 == 2 ? there : z, part, sums[s]);
+                add_cells(brick, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y, s / 2 == 2 ? there : z, part, sums[s]);
             }
         }
         float* const out[3] = {gx, gy, gz};
@@ -292,9 +291,9 @@ template <class T> struct TreeField {
 
     VKT_HD void add_cells(SampledBrick const& brick, detail::CellWeights const& x, detail::CellWeights const& y,
                           detail::CellWeights const& z, detail::Part part, Sums& sums) const {
-        with_voxel_type<T>(tree.type, [&]<class V>(V) __attribute__((always_inline)) {
-            detail::add_cells<V>(tree, brick, x, y, z, part, sums);
-        });
+        with_voxel_type<T>(
+            tree.type, [&]<class V>(V)
+                           __attribute__((always_inline)) { detail::add_cells<V>(tree, brick, x, y, z, part, sums); });
     }
 
     VKT_HD static bool meets(float const* lower_of, float const* upper_of, double const* low, double const* high) {

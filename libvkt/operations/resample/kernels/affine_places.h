@@ -172,7 +172,8 @@ template <class Kernel> struct FoldedPlaces {
     }
 };
 
-/// Calls f(T{}) with the type of the voxels that a kernel weights: of splines coefficients, which are float32 or float64.
+/// Calls f(T{}) with the type of the voxels that a kernel weights: of splines coefficients, which are float32 or
+/// float64.
 template <class Kernel, class F> void with_weighted_type(DataType type, F&& f) {
     if constexpr (spline_degree(Kernel::kind) > 0)
         type == DataType::float64 ? f(double{}) : f(float{});

@@ -286,16 +286,14 @@ private:
 
     /// Adds a row of voxels. Here alone it counts which type they have.
     void add_voxels(std::byte const* from, S const& sums) {
-        bool const as_they_are = with_type(in_.type, [&]<class T>(T) {
-            if constexpr (std::is_integral_v<T> == std::is_same_v<A, double>) return false;
-            else if (!std::is_integral_v<T> && !(state_.map == ValueMap{})) return false;
-            else {
-                add_values<A, parts>(n_.x, sums.part[0], sums.part[parts - 1], reinterpret_cast<T const*>(from));
-                return true;
-            }
+        with_type(in_.type, [&]<class T>(T) {
+            constexpr bool reals = std::is_same_v<A, double>;
+            if constexpr (std::is_integral_v<T> != reals)
+                if (!reals || state_.map == ValueMap{})
+                    return add_values<A, parts>(n_.x, sums.part[0], sums.part[parts - 1],
+                                                reinterpret_cast<T const*>(from));
+            if constexpr (reals) add_mapped(from, sums);
         });
-        if constexpr (std::is_same_v<A, double>)
-            if (!as_they_are) add_mapped(from, sums);
     }
     /// The same of values that are not what is stored.
     void add_mapped(std::byte const* from, S const& sums) {
