@@ -118,7 +118,7 @@ template <class T> struct BlockPoints {
 private:
 #ifdef VKT_LANES
     template <class V> static constexpr std::int64_t row_bytes = block_edge * sizeof(V);
-    template <class V> static constexpr std::int64_t slice_bytes = block_edge* block_edge * sizeof(V);
+    template <class V> static constexpr std::int64_t slice_bytes = std::int64_t{block_edge} * block_edge * sizeof(V);
     template <class V> VKT_HD static LaneCells lanes_of(Places const& places, int k) {
         Lanes::F const x = Lanes::load(places.at[0] + k), y = Lanes::load(places.at[1] + k),
                        z = Lanes::load(places.at[2] + k);
