@@ -5,6 +5,7 @@
 #include "ipc/channel.h"
 #include "ipc/frame_reader.h"
 #include "ipc/stream.h"
+#include "ipc/waiting.h"
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"

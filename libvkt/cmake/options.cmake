@@ -54,6 +54,7 @@ function(vkt_unite target)
   endif()
   get_target_property(sources ${target} SOURCES)
   list(FILTER sources INCLUDE REGEX "[.]cpp$") # the others are objects of other targets
+  list(FILTER sources EXCLUDE REGEX "^${PROJECT_BINARY_DIR}/") # of the generated ones tests have others
   foreach(source IN LISTS sources)
     get_filename_component(folder ${source} DIRECTORY)
     get_filename_component(group ${folder} NAME)
