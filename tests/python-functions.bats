@@ -168,6 +168,20 @@ assert [report["dims"] for report in vkt.info(volume, other)] == [list(volume.di
 EOF2
 }
 
+@test "an array in the place of a volume is refused in one line, whatever its size" {
+    python <<'EOF2'
+import numpy as np
+for call in (lambda a: vkt.apply("rotate --axis z --angle 30", a), lambda a: vkt.apply("stats", volume, labels=a)):
+    for array in (np.zeros((40, 40, 40)), np.zeros((2, 2, 2), np.uint8)):
+        try:
+            call(array)
+            raise SystemExit("taken")
+        except TypeError as e:
+            assert "vkt.Volume(array)" in str(e) and len(str(e)) < 120, e
+assert vkt.apply("crop", volume, roi=np.array([[0, 2], [0, 2], [0, 1]]).tolist()) is not None
+EOF2
+}
+
 @test "hints name what Python has: keywords, and calls" {
     python <<'EOF2'
 def hint(call):

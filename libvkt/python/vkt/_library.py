@@ -205,6 +205,8 @@ def words_of(words):
 def value_word(value):
     """A Python value as one word: numbers as they are, three of them as X,Y,Z."""
     if isinstance(value, np.ndarray):
+        if value.ndim > 2 or value.size > 64:  # not a vector, nor a matrix
+            raise TypeError(f"an array of shape {value.shape} is no value of an option; a volume is vkt.Volume(array)")
         value = value.tolist()
     if isinstance(value, (list, tuple)):
         return ",".join(value_word(part) for part in value)
