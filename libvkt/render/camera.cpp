@@ -25,15 +25,19 @@ double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 struct Basis {
     Vec3 forward, right, up;
 };
+/// Whether a direction points upwards in a picture: not if the camera looks along it.
+bool is_upwards(Vec3 up, Vec3 forward) {
+    Vec3 const side = cross(forward, up);
+    return dot(side, side) > 1e-12 * dot(up, up);
+}
+
 Basis basis_of(Vec3 way, Vec3 up) {
     if (!(dot(way, way) > 0))
         throw Error(ErrorKind::usage, "the camera's eye lies on its target", "move --eye or --target");
     Basis b{unit(way), {}, {}};
-    Vec3 side = cross(b.forward, up);
     // Looking along the up direction: any other axis serves.
-    if (!(dot(side, side) > 1e-12 * dot(up, up)))
-        side = cross(b.forward, std::abs(b.forward.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
-    b.right = unit(side);
+    if (!is_upwards(up, b.forward)) up = std::abs(b.forward.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{0, 1, 0};
+    b.right = unit(cross(b.forward, up));
     b.up = cross(b.right, b.forward);
     return b;
 }
@@ -180,6 +184,8 @@ Camera make_camera(CameraRequest const& request, Shown const& shown, double aspe
     if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
 
     Basis const b = basis_of(request.eye ? camera.target - *request.eye : view.side * -1.0, camera.up);
+    if (request.up && !is_upwards(*request.up, b.forward))
+        throw Error(ErrorKind::usage, "the camera looks along its up direction", "choose another --up, or none");
     double const base = std::tan(radians(request.fov) / 2);
     bool const free = !request.eye && !request.target;
     Frame const frame(free ? request.insets : Insets{}, request.zoom);
