@@ -164,9 +164,9 @@ PY
 EOF
     f=block_24x18x30_uint8.raw
     fails_with 2 "--eye: " vkt render $f -n -o a.png --eye 1,2,3 --target 1,2,3
-    fails_with 2 "along its up direction" vkt render $f -n -o a.png --view y --up 0,-2,0
-    fails_with 2 "along its up direction" vkt render $f -n -o a.png --eye 20,2,3 --target 1,2,3 --up 1,0,0
-    vkt render $f -n -o a.png --eye 1,2,30 --target 1,2,3 # without --up any will do
+    fails_with 2 "along its up direction" vkt render $f -o a.png --view y --up 0,-2,0
+    fails_with 2 "along its up direction" vkt render $f -o a.png --eye 20,2,3 --target 1,2,3 --up 1,0,0
+    vkt render $f --size 8 -o b.png --eye 1,2,60 --target 1,2,3 # without --up any will do
     fails_with 2 "--span: " vkt render $f -n -o a.png --projection orthographic --span 0
     fails_with 2 "--iso: " vkt render $f -n -o a.png -ra implicit-iso --iso nan
     fails_with 2 "--albedo: " vkt render $f -n -o a.png -ra multi-scattering --albedo 2

@@ -76,5 +76,12 @@ assert (scale(np.full(shape, 0.1, np.float32), "--factor", "0.3,2,1.1", "--bound
     fails_with 2 'vkt flip mirrors' vkt scale in.vkt --factor=-1 -o x.vkt
     fails_with 2 'voxels along an axis' vkt scale in.vkt --factor 1e12 --expand -o x.vkt
     fails_with 2 'between 1e-12' vkt scale in.vkt --factor 1e300 --expand -o x.vkt
+    # Shrunk beyond all sense: at once, or not at all, and the nearest voxel at any scale.
+    for factor in 3e-8 1e-12; do
+        fails_with 5 'times as wide' vkt scale in.vkt --factor $factor -o x.vkt
+        fails_with 5 'times as wide' vkt scale in.vkt --factor $factor --expand --method lanczos3 -o x.vkt
+        vkt scale in.vkt --factor $factor --method nearest --expand | vkt info --json | tr -d ' \n' | grep -q '"dims":.1,1,1'
+    done
+    vkt scale in.vkt --factor 2e-5 --memory 16MiB --background 3 -q | vkt stats --json | grep -q '"max": 3'
     [ ! -e x.vkt ]
 }

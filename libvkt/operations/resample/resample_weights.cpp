@@ -256,9 +256,15 @@ double LinePlacement::position(std::int64_t o) const {
 
 WeightTable::WeightTable(LinePlacement const& placement, ResampleKernel kernel, Boundary boundary)
     : kernel_(kernel), n_out_(placement.n_out), step_(std::abs(placement.scale)) {
-    bool const wide = std::abs(placement.scale) > static_cast<double>(most_entries);
-    if (wide || placement.n_out > most_entries || placement.n_in > 16 * most_entries)
-        refuse(placement.n_in, placement.n_out);
+    if (placement.n_out > most_entries || placement.n_in > 16 * most_entries) refuse(placement.n_in, placement.n_out);
+    // Means of what lies far outside take time, and show nothing.
+    bool const averages = kernel_ != ResampleKernel::identity && kernel_ != ResampleKernel::nearest &&
+                          kernel_ != ResampleKernel::linear;
+    double const widest = std::max(65536.0, 4 * static_cast<double>(placement.n_in));
+    if (averages && step_ > widest)
+        throw Error(ErrorKind::resources,
+                    text("voxels ", step_, " times as wide cannot be made of a line of ", placement.n_in),
+                    text("at most ", widest, " times are possible; the nearest voxel is taken at any scale"));
     halving_ = kernel_ == ResampleKernel::identity ? 1 : 0;
     build(placement.n_in, placement.n_out, boundary, [&](std::int64_t o) {
         Line line = placed_line(placement, o, kernel_);
