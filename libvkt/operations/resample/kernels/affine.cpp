@@ -49,7 +49,7 @@ template <class Kernel, int N> struct StripConvolution {
         weights(places.fx, n, wx);
         bool zeros = weights(places.fy, n, wy);
         zeros = weights(places.fz, n, wz) || zeros;
-        with_weighted_type<Kernel>(in.type, [&]<class T>(T) {
+        with_type(in.type, [&]<class T>(T) {
             constexpr int first = 1 - N / 2;
             T const* const data = reinterpret_cast<T const*>(in.data) + first * (1 + in.row + in.slice);
             for (std::int32_t s = 0; s < n; ++s) {
@@ -61,19 +61,22 @@ template <class Kernel, int N> struct StripConvolution {
     }
 
     /// One sample of voxels anywhere, in the same order.
-    static double sample_folded(FoldedVoxels<Kernel> const& voxels, FoldedPlaces<Kernel> const& at) {
-        if (at.any_border) return voxels.sample(at);
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Kernel> const& at, double border) {
+        if (at.any_border) return VKT_BACKEND::sample_folded<Kernel>(data, at, border);
         double wx[N], wy[N], wz[N];
         Kernel::weights(at.fraction[0], wx);
         Kernel::weights(at.fraction[1], wy);
         Kernel::weights(at.fraction[2], wz);
+        std::int64_t const(&x)[N] = at.place[0];
         Doubles4 total{}, last_total{};
         for (int k = 0; k < N; ++k) {
             if (wz[k] == 0) continue;
             Doubles4 part{}, last_part{};
             for (int j = 0; j < N; ++j) {
                 if (wy[j] == 0) continue;
-                double const* const values = voxels.v[k][j];
+                T const* const from = data + at.place[1][j] + at.place[2][k];
+                double values[N];
+                for (int i = 0; i < N; ++i) values[i] = static_cast<double>(from[x[i]]);
                 Doubles4 v;
                 std::memcpy(&v, values, sizeof v);
                 part += wy[j] * v;
@@ -137,8 +140,8 @@ private:
 };
 
 struct StripLinear {
-    static double sample_folded(FoldedVoxels<Linear> const& voxels, FoldedPlaces<Linear> const& at) {
-        return voxels.sample(at);
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Linear> const& at, double border) {
+        return VKT_BACKEND::sample_folded<Linear>(data, at, border);
     }
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
         double v[8][strip];
@@ -157,8 +160,8 @@ struct StripLinear {
 };
 
 struct StripNearest {
-    static double sample_folded(FoldedVoxels<Nearest> const& voxels, FoldedPlaces<Nearest> const& at) {
-        return voxels.sample(at);
+    template <class T> static double sample_folded(T const* data, FoldedPlaces<Nearest> const& at, double border) {
+        return VKT_BACKEND::sample_folded<Nearest>(data, at, border);
     }
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
         std::int64_t index[strip];
@@ -186,10 +189,14 @@ template <class Kernel, class Strip, class Run>
 void sample_row(ConstView const& in, PositionRow const& at, XRange range, XRange quick, AffineSampling const& rule,
                 double* to, Run const& run) {
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t x = begin; x < end; ++x) {
-            FoldedPlaces<Kernel> const places(in, at, static_cast<double>(x), rule);
-            to[x - range.begin] = Strip::sample_folded({in, places, rule.border}, places);
-        }
+        if (begin == end) return;
+        with_type(in.type, [&]<class T>(T) {
+            T const* const data = reinterpret_cast<T const*>(in.data);
+            for (std::int64_t x = begin; x < end; ++x) {
+                FoldedPlaces<Kernel> const places(in, at, static_cast<double>(x), rule);
+                to[x - range.begin] = Strip::sample_folded(data, places, rule.border);
+            }
+        });
     };
     slowly(range.begin, quick.begin);
     if (quick.begin < quick.end) run(quick, to + (quick.begin - range.begin));
@@ -229,6 +236,12 @@ struct Overflow {
 template <class Kernel>
 constexpr bool may_overflow = Kernel::kind == Interpolant::cubic || Kernel::kind == Interpolant::lanczos3;
 
+struct ScaledVoxels {
+    double const* data;
+    double scale;
+    double operator[](std::int64_t i) const { return data[i] * scale; }
+};
+
 /// Looks for samples of a row that are not finite, or makes them again; to[0] belongs to the first.
 template <class Kernel>
 void look_after(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to,
@@ -241,14 +254,11 @@ void look_after(ConstView const& in, PositionRow const& at, XRange range, Affine
         overflow.found = true;
         return;
     }
+    ScaledVoxels const voxels{reinterpret_cast<double const*>(in.data), scale};
     for (std::int64_t i = 0; i < n; ++i) {
         if (is_finite(to[i])) continue;
         FoldedPlaces<Kernel> const places(in, at, static_cast<double>(range.begin + i), rule);
-        FoldedVoxels<Kernel> voxels(in, places, rule.border);
-        for (auto& slice : voxels.v)
-            for (auto& row : slice)
-                for (double& v : row) v *= scale;
-        double const sample = voxels.sample(places);
+        double const sample = VKT_BACKEND::sample_folded<Kernel>(voxels, places, rule.border * scale);
         to[i] = saturated(sample / scale, sample);
     }
 }
@@ -322,7 +332,7 @@ template <class Kernel, int N, class Strip>
 void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampling const& rule, StillAxis still,
                    Losses& losses, std::int64_t& outside, Execution const& execution) {
     using Smooth = SmoothSlices<Kernel, N>;
-    with_weighted_type<Kernel>(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         if constexpr (Smooth::template takes<T>) {
             struct Scratch {
                 std::optional<Smooth> smooth;

@@ -172,36 +172,16 @@ template <class Kernel> struct FoldedPlaces {
     }
 };
 
-/// Calls f(T{}) with the type of the voxels that a kernel weights: of splines coefficients, which are float32 or
-/// float64.
-template <class Kernel, class F> void with_weighted_type(DataType type, F&& f) {
-    if constexpr (spline_degree(Kernel::kind) > 0)
-        type == DataType::float64 ? f(double{}) : f(float{});
-    else
-        with_type(type, f);
+/// The sample at such places, one voxel after another, which data[] gives.
+template <class Kernel, class Data> double sample_folded(Data data, FoldedPlaces<Kernel> const& at, double border) {
+    constexpr int before = FoldedPlaces<Kernel>::before;
+    auto const value = [&](int i, int j, int k) {
+        i += before, j += before, k += before;
+        return at.border[0][i] || at.border[1][j] || at.border[2][k]
+                   ? border
+                   : static_cast<double>(data[at.place[0][i] + at.place[1][j] + at.place[2][k]]);
+    };
+    return Kernel::value(value, at.fraction[0], at.fraction[1], at.fraction[2]);
 }
-
-/// What a sample anywhere looks at, voxels and the border: v[z][y][x]. Here alone it counts which type they have.
-template <class Kernel> struct FoldedVoxels {
-    static constexpr int n = FoldedPlaces<Kernel>::n;
-    double v[n][n][n];
-
-    FoldedVoxels(ConstView const& in, FoldedPlaces<Kernel> const& at, double border) {
-        with_weighted_type<Kernel>(in.type, [&]<class T>(T) {
-            T const* const data = reinterpret_cast<T const*>(in.data);
-            for (int k = 0; k < n; ++k)
-                for (int j = 0; j < n; ++j)
-                    for (int i = 0; i < n; ++i)
-                        v[k][j][i] = at.any_border && (at.border[0][i] || at.border[1][j] || at.border[2][k])
-                                         ? border
-                                         : static_cast<double>(data[at.place[0][i] + at.place[1][j] + at.place[2][k]]);
-        });
-    }
-    double sample(FoldedPlaces<Kernel> const& at) const {
-        constexpr int before = FoldedPlaces<Kernel>::before;
-        return Kernel::value([&](int i, int j, int k) { return v[k + before][j + before][i + before]; }, at.fraction[0],
-                             at.fraction[1], at.fraction[2]);
-    }
-};
 
 } // namespace vkt::VKT_BACKEND

@@ -94,10 +94,14 @@ void sample_row_single(ConstView const& in, AnyView out, AffineSampling const& r
     if (m < n) std::fill_n(values, n, static_cast<float>(rule.background));
     tally.outside += n - m;
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t x = begin; x < end; ++x) {
-            FoldedPlaces<Linear> const places(in, at, static_cast<double>(x), rule);
-            values[x - first] = static_cast<float>(FoldedVoxels<Linear>(in, places, rule.border).sample(places));
-        }
+        if (begin == end) return;
+        for_each_single_type(in.type, [&]<class T>(T) {
+            T const* const data = reinterpret_cast<T const*>(in.data);
+            for (std::int64_t x = begin; x < end; ++x) {
+                FoldedPlaces<Linear> const places(in, at, static_cast<double>(x), rule);
+                values[x - first] = static_cast<float>(sample_folded<Linear>(data, places, rule.border));
+            }
+        });
     };
     slowly(in_it.begin, quick.begin);
     if (quick.begin < quick.end) run(values + (quick.begin - first));

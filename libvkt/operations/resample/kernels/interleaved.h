@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/buffer.h"
 #include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/resample/kernels/interpolants.h"
 
@@ -119,8 +118,7 @@ public:
         width_ = end_x - first_x_;
         if (width_ <= 0 || width_ * (end_row_ - first_row_) > most_places) return false;
         std::size_t const size = static_cast<std::size_t>(width_ * (end_row_ - first_row_) * slices);
-        memory_.reserve(size * sizeof(T));
-        voxels_ = reinterpret_cast<T*>(memory_.write(Space::host));
+        if (voxels_.size() < size) voxels_.resize(size);
         return true;
     }
     /// `plane` is the first slice's first voxel; the next row's is `across` voxels further, the next slice's `along`.
@@ -130,7 +128,7 @@ public:
             for (std::int64_t x = range.begin; x < range.end; x += edge) {
                 std::int64_t const first = std::min(x, width - edge); // no block reaches beyond the row
                 T const* const from = plane + row * across + first;
-                T* const to = voxels_ + place(first, row) * slices;
+                T* const to = voxels_.data() + place(first, row) * slices;
                 for (std::int64_t slice = 0; slice < slices; slice += edge)
                     transpose_block(from + slice * along, along, to + slice, slices);
             }
@@ -139,12 +137,12 @@ public:
     std::int64_t place(std::int64_t x, std::int64_t row) const { return (row - first_row_) * width_ + x - first_x_; }
 
     /// The voxels of all slices at a place of the plane.
-    T const* at(std::int64_t x, std::int64_t row) const { return voxels_ + place(x, row) * slices; }
+    T const* at(std::int64_t x, std::int64_t row) const { return voxels_.data() + place(x, row) * slices; }
     /// Between the four voxels from a place on, of all slices: what linear interpolation by these fractions gives.
     /// `between` is QuicklyBetween or AlwaysBetween.
     template <class Between>
     void sample(std::int64_t place, float fx, float frow, float* to, Between const& between) const {
-        T const *const near = voxels_ + place * slices, *const next = near + width_ * slices;
+        T const *const near = voxels_.data() + place * slices, *const next = near + width_ * slices;
 #pragma omp simd
         for (std::int64_t i = 0; i < slices; ++i) {
             float const a = between(static_cast<float>(near[i]), static_cast<float>(near[slices + i]), fx);
@@ -161,8 +159,7 @@ private:
     struct Range {
         std::int64_t begin, end;
     };
-    Buffer memory_;
-    T* voxels_ = nullptr; ///< by row, x, slice
+    std::vector<T> voxels_; ///< by row, x, slice
     std::vector<Range> ranges_;
     std::int64_t first_x_ = 0, width_ = 0, first_row_ = 0, end_row_ = 0;
 };
