@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t slabs_of_ring = 3;
+constexpr std::size_t ring_slabs = 3;
 /// Of slabs beyond this, one is filled while the other is written; a third would only hold memory.
 constexpr std::size_t large_slab = std::size_t{4} << 20;
 constexpr std::uint32_t shared_slots = 4;
@@ -244,7 +244,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
         auto const begin = Clock::now();
         auto const room = [&] {
             return failure_ || !spare_.empty() ||
-                   slabs_ < (current_.bytes > large_slab ? slabs_of_ring - 1 : slabs_of_ring) + in_pipe_.size();
+                   slabs_ < (current_.bytes > large_slab ? ring_slabs - 1 : ring_slabs) + in_pipe_.size();
         };
         wait_for(changed_, lock, room, waiting_);
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();

@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t ring_slabs = 2;
+constexpr std::size_t slabs_ahead = 2;
 /// Slabs beyond this are handed out slice by slice, so that no frame decides how much memory a reader needs.
 constexpr std::size_t piece_bytes = std::size_t{2} << 20;
 
@@ -239,7 +239,7 @@ bool StreamSource::Reader::wanted(Box const& slab) const {
 
 Piece StreamSource::Reader::empty_piece() {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return cancel_ || ready_.size() < ring_slabs; });
+    changed_.wait(lock, [&] { return cancel_ || ready_.size() < slabs_ahead; });
     Piece piece;
     if (cancel_) throw Cancelled{};
     if (!spare_.empty()) {

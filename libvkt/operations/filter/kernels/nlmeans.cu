@@ -5,6 +5,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/kernel/cuda_stencil.h"
+#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/common/kernels/weights.h"
 
@@ -62,57 +63,45 @@ template <class C> struct FarWindow {
     __device__ __forceinline__ C operator()(int dx, int dy, int dz) const { return centre[dx + dy * row + dz * slice]; }
 };
 
-constexpr int far_block = 256;
+/// Voxels of a box as C, in one array.
+template <class C> struct Widened {
+    driver::DeviceRows in;
+    Index3 n;
+    C* to;
 
-struct Place {
-    std::int64_t x, y, z;
-};
-/// Of this thread's voxel in a box of that extent; z is beyond it if there is none.
-__device__ inline Place this_place(Index3 n) {
-    std::int64_t const i = static_cast<std::int64_t>(blockIdx.x) * far_block + threadIdx.x;
-    std::int64_t const row = driver::quotient_of(i, n.x), z = driver::quotient_of(row, n.y);
-    return {i - row * n.x, row - z * n.y, z};
-}
-
-template <class C> __global__ void __launch_bounds__(far_block) widen(driver::DeviceRows in, Index3 n, C* to) {
-    Place const p = this_place(n);
-    if (p.z < n.z) to[(p.z * n.y + p.y) * n.x + p.x] = driver::load_neighbour<C>(in.type, in.at(p.x, p.y, p.z));
-}
-
-template <class C>
-__global__ void __launch_bounds__(far_block)
-    far_means(C const* values, Index3 around, Index3 reach, driver::DeviceRows out, Index3 n, NlMeansAt<C> at,
-              unsigned long long* totals) {
-    Place const p = this_place(n);
-    driver::LossCounts counts;
-    if (p.z < n.z) {
-        std::int64_t const slice = around.x * around.y;
-        C const* const centre = values + (p.z + reach.z) * slice + (p.y + reach.y) * around.x + p.x + reach.x;
-        driver::store_result(out.type, out.at(p.x, p.y, p.z), at(FarWindow<C>{centre, around.x, slice}), counts);
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts&) const {
+        to[(z * n.y + y) * n.x + x] = driver::load_neighbour<C>(in.type, in.at(x, y, z));
     }
-    driver::add_counts(counts, totals);
-}
+};
 
-unsigned far_blocks(Index3 n) {
-    std::int64_t const blocks = (n.x * n.y * n.z + far_block - 1) / far_block;
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return static_cast<unsigned>(blocks);
-}
+/// The means of such voxels; `around` is the extent of all, `reach` how far they lie around the results.
+template <class C> struct FarMeans {
+    NlMeansAt<C> means;
+    C const* values;
+    Index3 around, reach;
+    driver::DeviceRows out;
 
-/// What lies too far away for shared memory: all values as C in one array.
-template <class C> void far_stencil(ConstView in, AnyView out, Index3 reach, NlMeansAt<C> const& at, Losses& losses) {
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        std::int64_t const slice = around.x * around.y;
+        C const* const centre = values + (z + reach.z) * slice + (y + reach.y) * around.x + x + reach.x;
+        driver::store_result(out.type, out.at(x, y, z), means(FarWindow<C>{centre, around.x, slice}), counts);
+    }
+};
+
+/// What lies too far away for shared memory.
+template <class C> void far_means(ConstView in, AnyView out, Index3 reach, NlMeansAt<C> const& means, Losses& losses) {
     if (out.box.empty()) return;
     Box const around = grow(out.box, reach);
-    Index3 const n = around.dims();
     Buffer memory(static_cast<std::size_t>(around.voxels()) * sizeof(C));
     auto* const values = reinterpret_cast<C*>(memory.write(Space::device));
-    widen<C><<<far_blocks(n), far_block>>>(driver::device_rows(in, around), n, values);
-    check_launch("non-local means, copying");
+    driver::for_each_voxel(around.dims(), Widened<C>{driver::device_rows(in, around), around.dims(), values}, nullptr,
+                           "non-local means, copying");
     driver::DeviceLosses const counts;
-    far_means<C><<<far_blocks(out.dims()), far_block>>>(values, n, reach, driver::device_rows(ConstView(out), out.box),
-                                                        out.dims(), at, counts.get());
-    check_launch("non-local means");
+    driver::for_each_voxel(
+        out.dims(), FarMeans<C>{means, values, around.dims(), reach, driver::device_rows(ConstView(out), out.box)},
+        counts.get(), "non-local means");
     counts.add_to(losses);
 }
 
@@ -128,7 +117,7 @@ void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& los
         if (driver::fits_stencil<C>(around))
             stencil<C>(execution, out, losses, around, at, in);
         else
-            far_stencil<C>(in, out, around, at, losses);
+            far_means<C>(in, out, around, at, losses);
     });
 }
 
