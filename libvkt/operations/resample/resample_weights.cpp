@@ -258,8 +258,8 @@ WeightTable::WeightTable(LinePlacement const& placement, ResampleKernel kernel, 
     : kernel_(kernel), n_out_(placement.n_out), step_(std::abs(placement.scale)) {
     if (placement.n_out > most_entries || placement.n_in > 16 * most_entries) refuse(placement.n_in, placement.n_out);
     // Means of what lies far outside take time, and show nothing.
-    bool const averages = kernel_ != ResampleKernel::identity && kernel_ != ResampleKernel::nearest &&
-                          kernel_ != ResampleKernel::linear;
+    bool const averages =
+        kernel_ != ResampleKernel::identity && kernel_ != ResampleKernel::nearest && kernel_ != ResampleKernel::linear;
     double const widest = std::max(65536.0, 4 * static_cast<double>(placement.n_in));
     if (averages && step_ > widest)
         throw Error(ErrorKind::resources,
