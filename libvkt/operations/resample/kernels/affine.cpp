@@ -42,6 +42,14 @@ void gather(ConstView const& in, std::int64_t const* index, std::int64_t offset,
     });
 }
 
+/// with_type for what a kernel looks at: coefficients of splines are floats.
+template <class Kernel, class F> void with_sampled_type(DataType type, F&& f) {
+    if constexpr (spline_degree(Kernel::kind) > 0)
+        type == DataType::float32 ? f(float{}) : f(double{});
+    else
+        with_type(type, f);
+}
+
 /// Samples of a strip by kernels of N^3 voxels, in the order of weighted(): the columns are the lanes of vectors.
 template <class Kernel, int N> struct StripConvolution {
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
@@ -49,7 +57,7 @@ template <class Kernel, int N> struct StripConvolution {
         weights(places.fx, n, wx);
         bool zeros = weights(places.fy, n, wy);
         zeros = weights(places.fz, n, wz) || zeros;
-        with_type(in.type, [&]<class T>(T) {
+        with_sampled_type<Kernel>(in.type, [&]<class T>(T) {
             constexpr int first = 1 - N / 2;
             T const* const data = reinterpret_cast<T const*>(in.data) + first * (1 + in.row + in.slice);
             for (std::int32_t s = 0; s < n; ++s) {
@@ -183,24 +191,28 @@ template <class Strip> void sample_run(ConstView const& in, Places const& at, XR
     }
 }
 
+/// Samples of a row for x in `range` that may look beyond the volume; to[0] belongs to the first. A function of its
+/// own, for all who have rows: it asks for the type of voxels, and is compiled for each.
+template <class Kernel, class Strip>
+void sample_at_face(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
+    if (range.begin == range.end) return;
+    with_sampled_type<Kernel>(in.type, [&]<class T>(T) {
+        T const* const data = reinterpret_cast<T const*>(in.data);
+        for (std::int64_t x = range.begin; x < range.end; ++x) {
+            FoldedPlaces<Kernel> const places(in, at, static_cast<double>(x), rule);
+            to[x - range.begin] = Strip::sample_folded(data, places, rule.border);
+        }
+    });
+}
+
 /// Samples of a row for x in `range`; to[0] belongs to its first. run(quick, to) gives those of the part that looks at
 /// nothing beyond the volume.
 template <class Kernel, class Strip, class Run>
 void sample_row(ConstView const& in, PositionRow const& at, XRange range, XRange quick, AffineSampling const& rule,
                 double* to, Run const& run) {
-    auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-        if (begin == end) return;
-        with_type(in.type, [&]<class T>(T) {
-            T const* const data = reinterpret_cast<T const*>(in.data);
-            for (std::int64_t x = begin; x < end; ++x) {
-                FoldedPlaces<Kernel> const places(in, at, static_cast<double>(x), rule);
-                to[x - range.begin] = Strip::sample_folded(data, places, rule.border);
-            }
-        });
-    };
-    slowly(range.begin, quick.begin);
+    sample_at_face<Kernel, Strip>(in, at, {range.begin, quick.begin}, rule, to);
     if (quick.begin < quick.end) run(quick, to + (quick.begin - range.begin));
-    slowly(quick.end, range.end);
+    sample_at_face<Kernel, Strip>(in, at, {quick.end, range.end}, rule, to + (quick.end - range.begin));
 }
 
 /// to becomes the mean of `count` samples, of which `sample` is the last: by steps that neither overflow nor leave the
@@ -326,8 +338,26 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
     outside += beside;
 }
 
-/// The same where slices share their places: `box` has only such. Tiles that are cut, or look at too much, are sampled
-/// one row after another.
+/// Rows of a tile whose samples inside the volume `smooth` has. Not of the type of voxels: rows ask for it again, at
+/// the faces.
+template <class Strip, class Kernel, int N>
+void store_slices(SmoothSlices<Kernel, N> const& smooth, ConstView const& in, AnyView out, Box const& tile,
+                  AffineSampling const& rule, StillAxis still, Tally& tally) {
+    for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
+        PositionRow const at = row_of(rule.map, {}, y, z);
+        RowRanges const ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
+        double const* const known = smooth.values(tile, y, z);
+        auto const run = [&](XRange part, double* to) {
+            std::copy_n(known + (part.begin - tile.lower.x), part.end - part.begin, to);
+        };
+        make_row(out, rule, ranges.all, ranges.inside, y, z, tally, [&](double* there) {
+            sample_row<Kernel, Strip>(in, at, ranges.inside, ranges.interior, rule, there, run);
+        });
+    });
+}
+
+/// The same as sample_box where slices share their places: `box` has only such. Tiles that are cut, or look at too
+/// much, are sampled one row after another.
 template <class Kernel, int N, class Strip>
 void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampling const& rule, StillAxis still,
                    Losses& losses, std::int64_t& outside, Execution const& execution) {
@@ -343,18 +373,9 @@ void sample_slices(ConstView const& in, AnyView out, Box const& box, AffineSampl
                     if (!scratch.smooth) scratch.smooth.emplace(in, rule, still);
                     Smooth& smooth = *scratch.smooth;
                     if (tile.dims()[still.axis] < Smooth::together || !smooth.sample(tile, scratch.voxels))
-                        return sample_tile<Kernel, Strip>(in, out, tile, rule, tally);
-                    for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
-                        PositionRow const at = row_of(rule.map, {}, y, z);
-                        RowRanges const ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
-                        double const* const known = smooth.values(tile, y, z);
-                        auto const run = [&](XRange part, double* to) {
-                            std::copy_n(known + (part.begin - tile.lower.x), part.end - part.begin, to);
-                        };
-                        make_row(out, rule, ranges.all, ranges.inside, y, z, tally, [&](double* there) {
-                            sample_row<Kernel, Strip>(in, at, ranges.inside, ranges.interior, rule, there, run);
-                        });
-                    });
+                        sample_tile<Kernel, Strip>(in, out, tile, rule, tally);
+                    else
+                        store_slices<Strip>(smooth, in, out, tile, rule, still, tally);
                 });
         }
     });

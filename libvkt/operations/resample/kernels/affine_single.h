@@ -82,6 +82,20 @@ void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice,
     });
 }
 
+/// Samples of a row for x in `range` that may look beyond the volume. A function of its own, for all who have rows: it
+/// asks for the type of voxels, and is compiled for each.
+inline void sample_at_face_single(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule,
+                                  float* to) {
+    if (range.begin == range.end) return;
+    for_each_single_type(in.type, [&]<class T>(T) {
+        T const* const data = reinterpret_cast<T const*>(in.data);
+        for (std::int64_t x = range.begin; x < range.end; ++x) {
+            FoldedPlaces<Linear> const places(in, at, static_cast<double>(x), rule);
+            to[x - range.begin] = static_cast<float>(sample_folded<Linear>(data, places, rule.border));
+        }
+    });
+}
+
 /// A piece of a row of results in float32; run(to) gives those that look at nothing beyond the volume.
 template <class Run>
 void sample_row_single(ConstView const& in, AnyView out, AffineSampling const& rule, RowRanges const& ranges,
@@ -93,19 +107,9 @@ void sample_row_single(ConstView const& in, AnyView out, AffineSampling const& r
     std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin, first = all.begin;
     if (m < n) std::fill_n(values, n, static_cast<float>(rule.background));
     tally.outside += n - m;
-    auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-        if (begin == end) return;
-        for_each_single_type(in.type, [&]<class T>(T) {
-            T const* const data = reinterpret_cast<T const*>(in.data);
-            for (std::int64_t x = begin; x < end; ++x) {
-                FoldedPlaces<Linear> const places(in, at, static_cast<double>(x), rule);
-                values[x - first] = static_cast<float>(sample_folded<Linear>(data, places, rule.border));
-            }
-        });
-    };
-    slowly(in_it.begin, quick.begin);
+    sample_at_face_single(in, at, {in_it.begin, quick.begin}, rule, values + (in_it.begin - first));
     if (quick.begin < quick.end) run(values + (quick.begin - first));
-    slowly(quick.end, in_it.end);
+    sample_at_face_single(in, at, {quick.end, in_it.end}, rule, values + (quick.end - first));
     tally.losses += result.store(n);
 }
 
