@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/first_failure.h"
 #include "libvkt/core/progress_monitor.h"
+#include "libvkt/core/shared_loop.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/stream.h"
@@ -25,17 +25,11 @@ inline int threads_for(Execution const& execution, std::int64_t voxels) {
 }
 
 /// Calls f(begin, end) once per thread, on contiguous ranges that cover 0 <= item < count. Throws what f throws first.
-template <class F> void for_each_item(int threads, std::int64_t count, F const& f) {
-    FirstFailure failure;
-#pragma omp parallel num_threads(threads) if (threads > 1)
-    {
-        std::int64_t const share = omp_get_num_threads(), me = omp_get_thread_num();
-        std::int64_t const each = count / share, more = count % share;
-        std::int64_t const begin = me * each + std::min(me, more);
-        std::int64_t const end = begin + each + (me < more ? 1 : 0);
-        failure.catch_from([&] { f(begin, end); });
-    }
-    failure.rethrow();
+template <class F> void for_each_item(int threads, std::int64_t count, F const& f, ProgressMonitor* monitor = nullptr) {
+    auto const call = [](void const* body, std::int64_t begin, std::int64_t end) {
+        (*static_cast<F const*>(body))(begin, end);
+    };
+    run_shared_loop(threads, count, {&f, call}, monitor);
 }
 
 /// Tells how many of its items a thread has done, if anybody wants to know. Throws Error{cancelled}.
@@ -46,15 +40,7 @@ inline void tell_progress(Execution const& execution, std::int64_t begin, std::i
 /// The same where somebody may watch: then in parts, between which is told how far it is. f must not care how its items
 /// are cut.
 template <class F> void for_each_item(Execution const& execution, int threads, std::int64_t count, F const& f) {
-    if (execution.monitor == nullptr) return for_each_item(threads, count, f);
-    for_each_item(threads, count, [&](std::int64_t begin, std::int64_t end) {
-        constexpr std::int64_t parts = 32;
-        std::int64_t const part = (end - begin + parts - 1) / parts;
-        for (std::int64_t item = begin; item < end; item += part) {
-            tell_progress(execution, begin, item, end);
-            f(item, item + part < end ? item + part : end);
-        }
-    });
+    for_each_item(threads, count, f, execution.monitor);
 }
 
 /// Calls f(x, y, z, n) for pieces of at most segment_voxels voxels of rows that cover the box.
