@@ -38,7 +38,10 @@ public:
 
     GridWriter(Volume const& volume, VdbWriteOptions const& options)
         : volume_(volume), tolerance_(options.prune.value_or(0)), background_(store_cell<Value>(options.background)),
-          grid_(GridType::create(background_)) {}
+          grid_(openvdb::StaticPtrCast<GridType>(openvdb::GridBase::createGrid(GridType::gridType()))) {
+        // OpenVDB makes the grid: all that trees do in threads would be compiled once more with their constructor.
+        grid_->tree().root().setBackground(background_, false);
+    }
 
     typename GridType::Ptr build() {
         Index3 const logical = volume_.header().dims;
