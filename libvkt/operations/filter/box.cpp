@@ -49,7 +49,8 @@ BoxLayout::BoxLayout(Index3 dims, Index3 radius, std::size_t value_bytes, int th
     together = std::clamp<std::int64_t>((4 << 10) / (line * bytes), 1, rows + 2 * radius.y); // in the first cache
     columns = std::min(std::clamp<std::int64_t>(fit, 64, 1024), pitch);
     slice = rows * pitch + lanes; // no power of two apart
-    values = (radius.z > 0 ? w.z + 1 : 0) * slice + 2 * together * line + (rows + 2 * radius.y + 1) * line +
+    kept = std::min(radius.z, dims.z);
+    values = (radius.z > 0 ? w.z + 1 + kept : 0) * slice + 2 * together * line + (rows + 2 * radius.y + 1) * line +
              (w.y + 2) * columns + 8 * lanes;
     values = parts(values, lanes) * lanes;
 }

@@ -132,6 +132,7 @@ public:
         if (radius_.z > 0) { // else nothing is held
             slices_ = take(w_.z * slice_);
             ahead_ = take(slice_);
+            kept_ = take(layout.kept * slice_);
         }
         result_ = take(columns_);
         stride_ = layout.line;
@@ -149,10 +150,12 @@ public:
         }
         std::int64_t const begin = tile_.lower.z - radius_.z, end = tile_.upper.z + radius_.z,
                            first = block_of(begin, w_.z);
+        find_repeated(begin, end, layout.kept);
         for (std::int64_t z = begin, block = first; z < end; ++z) {
             tell_progress(execution, begin, z, end);
             if (z == block + w_.z) block = z;
-            add_slice(z, block, block > first, z - w_.z + 1 >= begin && z < block + w_.z - 1);
+            SliceWindows const& windows = sliced_[static_cast<std::size_t>(z - begin)];
+            add_slice(z, block, block > first, z - w_.z + 1 >= begin && z < block + w_.z - 1, windows);
             if (radius_.z > 0 && z == block + w_.z - 1) finish_block(std::max(begin, block), z, block >= begin);
         }
     }
@@ -166,6 +169,15 @@ private:
     /// Columns that follow one another, and those that stand there: one after the other, in reverse, or one for all.
     struct Run {
         std::int64_t to, from, count, step;
+    };
+    struct Place {
+        std::int64_t index;
+    };
+    /// Where the windows along x and y of a slice come from: those of this slice of the input, or those that were kept
+    /// of another one, `place` slices into kept_.
+    struct SliceWindows {
+        std::int64_t source, place = -1;
+        bool known = false, wanted = false; ///< kept before, and once more
     };
 
     /// What the input has in place of i along an axis.
@@ -195,6 +207,35 @@ private:
                 }
             }
             outside_.push_back({x, from, 1, 0});
+        }
+    }
+
+    /// What lies outside of the volume repeats slices of it: their windows are kept in between, as far as there is
+    /// room.
+    void find_repeated(std::int64_t begin, std::int64_t end, std::int64_t room) {
+        for (std::int64_t z = begin; z < end; ++z) sliced_.push_back({source(2, z)});
+        if (radius_.z == 0) return;
+        auto const inside = [&](std::size_t i) { return sliced_[i].source == begin + static_cast<std::int64_t>(i); };
+        std::size_t const count = sliced_.size();
+        std::size_t lower = 0, upper = count; // slices inside, which only those above repeat
+        while (lower < count && !inside(lower)) ++lower;
+        while (upper > lower && !inside(upper - 1)) --upper;
+        std::vector<Place> free;
+        for (std::int64_t place = 0; place < room; ++place) free.push_back({place});
+        for (std::size_t i = 0; i < count; ++i) {
+            SliceWindows& slice = sliced_[i];
+            std::size_t next = inside(i) ? std::max(i + 1, upper) : i + 1;
+            while (next < count && sliced_[next].source != slice.source) ++next;
+            slice.wanted = next < count;
+            if (slice.wanted && !slice.known && !free.empty()) {
+                slice.place = free.back().index;
+                free.pop_back();
+            }
+            if (slice.place < 0) continue;
+            if (slice.wanted)
+                sliced_[next].place = slice.place, sliced_[next].known = true;
+            else
+                free.push_back({slice.place});
         }
     }
 
@@ -230,11 +271,31 @@ private:
     }
 
     /// Slice z, in the block that begins there; `follows` another one, whose windows with it are `complete`.
-    void add_slice(std::int64_t z, std::int64_t block, bool follows, bool complete) const {
-        std::int64_t const from = source(2, z), y0 = tile_.lower.y - radius_.y, s = z - w_.z + 1;
-        if (from != border) load_slice(from);
+    void add_slice(std::int64_t z, std::int64_t block, bool follows, bool complete, SliceWindows const& windows) const {
+        std::int64_t const y0 = tile_.lower.y - radius_.y, s = z - w_.z + 1;
         bool const alone = radius_.z == 0;
         S *const to = alone ? nullptr : slice(z), *const suffix = alone ? nullptr : slice(s);
+        auto const add_row = [&](std::int64_t y, std::int64_t x, std::int64_t m) {
+            std::int64_t const i = (y - y0) * pitch_ + x, n = std::min(m, width_ - x);
+            if (alone) store(tile_.lower.x + x, y + radius_.y, z, n, static_cast<S const*>(result_));
+            if (alone || !follows) return;
+            if (z == block)
+                std::memcpy(ahead_ + i, to + i, static_cast<std::size_t>(m) * sizeof(S));
+            else
+                combine<Op>(ahead_ + i, static_cast<S const*>(ahead_ + i), static_cast<S const*>(to + i), m);
+            if (!complete) return;
+            combine<Op>(result_, static_cast<S const*>(suffix + i), static_cast<S const*>(ahead_ + i), m);
+            store(tile_.lower.x + x, y + radius_.y, s + radius_.z, n, static_cast<S const*>(result_));
+        };
+        auto const bytes = static_cast<std::size_t>(tile_.dims().y * pitch_) * sizeof(S);
+        if (windows.known) {
+            std::memcpy(to, kept_ + windows.place * slice_, bytes);
+            for (std::int64_t y = y0; y < y0 + tile_.dims().y; ++y)
+                for (std::int64_t x = 0; x < pitch_; x += columns_) add_row(y, x, std::min(columns_, pitch_ - x));
+            return;
+        }
+        std::int64_t const from = windows.source;
+        if (from != border) load_slice(from);
         for (std::int64_t x = 0; x < pitch_; x += columns_) {
             std::int64_t const m = std::min(columns_, pitch_ - x);
             window_across_rows<Op>(
@@ -244,19 +305,9 @@ private:
                     return (from == border || line == border ? border_row_ : lines_ + line * stride_) + x;
                 },
                 [&](std::int64_t y) { return alone ? result_ : to + (y - y0) * pitch_ + x; },
-                [&](std::int64_t y) {
-                    std::int64_t const i = (y - y0) * pitch_ + x, n = std::min(m, width_ - x);
-                    if (alone) store(tile_.lower.x + x, y + radius_.y, z, n, static_cast<S const*>(result_));
-                    if (alone || !follows) return;
-                    if (z == block)
-                        std::memcpy(ahead_ + i, to + i, static_cast<std::size_t>(m) * sizeof(S));
-                    else
-                        combine<Op>(ahead_ + i, static_cast<S const*>(ahead_ + i), static_cast<S const*>(to + i), m);
-                    if (!complete) return;
-                    combine<Op>(result_, static_cast<S const*>(suffix + i), static_cast<S const*>(ahead_ + i), m);
-                    store(tile_.lower.x + x, y + radius_.y, s + radius_.z, n, static_cast<S const*>(result_));
-                });
+                [&](std::int64_t y) { add_row(y, x, m); });
         }
+        if (windows.wanted && windows.place >= 0) std::memcpy(kept_ + windows.place * slice_, to, bytes);
     }
 
     /// Of the block that ends with a slice what follows from each to its end, down to the first; which may be all of a
@@ -285,8 +336,9 @@ private:
     std::vector<std::int64_t> lines_of_; ///< which of these stands at each row of the tile and around it
     S border_value_{};
     std::int64_t pitch_ = 0, columns_ = 0, slice_ = 0, stride_ = 0, together_ = 1;
-    S *slices_ = nullptr, *ahead_ = nullptr, *result_ = nullptr, *voxels_around_ = nullptr, *sums_ = nullptr,
-      *scratch_ = nullptr, *border_row_ = nullptr, *lines_ = nullptr;
+    std::vector<SliceWindows> sliced_; ///< of the tile and around it
+    S *slices_ = nullptr, *ahead_ = nullptr, *kept_ = nullptr, *result_ = nullptr, *voxels_around_ = nullptr,
+      *sums_ = nullptr, *scratch_ = nullptr, *border_row_ = nullptr, *lines_ = nullptr;
 };
 
 template <class Op, class S, class Convert, class Store>

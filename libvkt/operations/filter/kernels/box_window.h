@@ -51,6 +51,7 @@ struct BoxLayout {
     std::int64_t pitch, line;   ///< values of a row, and of one with what is around it: whole registers
     std::int64_t together;      ///< of these, that windows are made of at a time
     std::int64_t columns;       ///< that windows of rows are worked on at a time, so that they stay in the first caches
+    std::int64_t kept;          ///< slices of windows that are kept, since what lies outside has them once more
     std::int64_t slice, values; ///< values of a slice of a tile, and all that a tile needs
 };
 
