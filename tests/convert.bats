@@ -23,6 +23,18 @@ $1"
     [ ! -e out.vkt ]
 }
 
+@test "what was clipped is told once the output is there, not before an error" {
+    vkt make ramp --dims 300 1 1 --dtype int16 -o r.vkt
+    vkt convert r.vkt --dtype uint8 -o out.vkt 2>said
+    grep -q 'vkt convert: 44 of 300 voxels' said
+    [ -w /dev/full ] || skip "there is no /dev/full"
+    run -4 vkt convert r.vkt --dtype uint8 -o /dev/full --format nrrd
+    [[ $output == *"no space left on device"* ]]
+    [[ $output != *clipped* ]]
+    run -3 vkt convert r.vkt --dtype uint8 --strict -o strict.vkt
+    [ "$(grep -c clipped <<<"$output")" -eq 1 ]
+}
+
 @test "every code survives a wider type and the way back" {
     vkt make ramp --dims 256 16 16 --dtype uint8 -o u8.vkt
     vkt make ramp --dims 65536 2 1 --dtype uint16 -o u16.vkt

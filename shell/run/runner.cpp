@@ -57,7 +57,7 @@ StageInfo Runner::stage_info(Invocation const& stage) {
     bool const strict = stage.common().strict || last_.common().strict;
     info.listener = [this, strict, label = stage.label()](std::string const& name, std::string const& message,
                                                           bool lossy) {
-        log_.note(name, message);
+        lossy ? hold_remark(name, message) : log_.note(name, message);
         if (lossy && strict) lossy_ = {label, message};
     };
     if (!stage.common().report_file.empty()) {
@@ -373,6 +373,7 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     }
     refuse_lossy();
     for (auto const& write : late_reports_) write();
+    tell_held_remarks();
     tell_prediction();
     bool timing =
         std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });

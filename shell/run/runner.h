@@ -66,6 +66,8 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
     void refuse_lossy() const;
+    /// Remarks are told once what they are about is there: after an error they would be of nothing.
+    void hold_remark(std::string const& stage, std::string const& message) { held_remarks_.push_back({stage, message}); }
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
     void predict_reading(Invocation const& stage, Header const& header, std::int64_t parts);
     void predict_writing(Invocation const& stage, Header const& header);
@@ -112,6 +114,7 @@ private:
     void tell_unpredicted(Invocation const& stage);
     void tell_prediction() const;
     void remark(std::string const& message);
+    void tell_held_remarks();
     void lose(std::string const& message); ///< of what the output's format does not hold
     void tell_transport() const;
     ipc::StageReport own_report() const;
@@ -132,6 +135,10 @@ private:
         std::string label, message;
     };
     std::optional<Loss> lossy_;
+    struct HeldRemark {
+        std::string stage, message;
+    };
+    std::vector<HeldRemark> held_remarks_;
     std::string lost_;                                ///< what was told last
     std::vector<std::function<void()>> late_reports_; ///< to what takes them once
     std::string format_;                              ///< of the file opened last

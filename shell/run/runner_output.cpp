@@ -146,6 +146,10 @@ void Runner::lose(std::string const& message) {
     if (last_.common().strict) lossy_ = {last_.label(), message};
 }
 
+void Runner::tell_held_remarks() {
+    for (HeldRemark const& held : std::exchange(held_remarks_, {})) log_.note(held.stage, held.message);
+}
+
 void Runner::refuse_lossy() const {
     if (lossy_) in_stage(lossy_->label, [this] { throw Error(ErrorKind::data, text("--strict: ", lossy_->message)); });
 }
@@ -163,6 +167,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
         }
         drain_volume(source, sink, execution);
         refuse_lossy();
+        tell_held_remarks();
     }
     for (auto const& write : late_reports_) write();
     sink.close();

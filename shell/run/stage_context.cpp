@@ -16,8 +16,8 @@ bool StageContext::window() const { return runner_.window(); }
 StageInfo StageContext::stage_info() const { return runner_.stage_info(invocation_); }
 void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
 void StageContext::lossy(std::string const& message) {
-    note(message);
     if (invocation_.common().strict) throw Error(ErrorKind::data, text("--strict: ", message));
+    runner_.hold_remark(invocation_.stage(), message);
 }
 void StageContext::refuse_lossy() { runner_.refuse_lossy(); }
 std::function<void(std::string const&)> StageContext::detail() {
