@@ -66,6 +66,14 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     fails_with 2 "vkt pipe: crop: --roi 0:99" vkt pipe 'read v.nrrd | crop --roi 0:99,:,: | stats'
 }
 
+@test "a remark tells how many voxels were asked for where these are fewer than it speaks of" {
+    vkt make ramp --dims 300 1 1 --dtype int16 -o r.vkt
+    vkt pipe 'read r.vkt | convert --dtype uint8 | crop --roi 250:290,:,:' -o c.vkt 2>said
+    [ "$(cat said)" = 'vkt pipe: convert: 34 of 300 voxels (11.33 %) clipped to [0,255]; 40 were asked for' ] || { cat said >&2; false; }
+    vkt pipe 'read r.vkt | convert --dtype uint8 | flip x' -o c.vkt --force 2>said
+    [ "$(cat said)" = 'vkt pipe: convert: 44 of 300 voxels (14.67 %) clipped to [0,255]' ] || { cat said >&2; false; }
+}
+
 @test "so do those of files, of --strict and of trees, hints and remarks" {
     vkt make ramp --dims 300 4 4 -o v.nrrd
     fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe 'read absent.nrrd | flip x | stats'

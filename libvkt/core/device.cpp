@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 
 #include <cstring>
+#include <limits>
 
 #ifdef VKT_CUDA
 #include <algorithm>
@@ -253,6 +254,20 @@ void device_synchronize() {}
 void check_launch(char const*) { throw_without_cuda(); }
 
 #endif
+
+void refuse_launch() {
+    throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+}
+
+unsigned launch_blocks(std::int64_t blocks, std::int64_t along, std::int64_t across) {
+    std::int64_t room = std::numeric_limits<std::int32_t>::max();
+    for (std::int64_t const count : {blocks, along, across}) {
+        if (count > room) refuse_launch();
+        if (count == 0) return 0;
+        room /= count;
+    }
+    return static_cast<unsigned>(blocks * along * across);
+}
 
 void copy_between(void* to, Space to_space, void const* from, Space from_space, std::size_t bytes) {
     if (to_space == Space::host && from_space == Space::host)

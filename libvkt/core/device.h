@@ -49,5 +49,9 @@ void device_clear(void* device, std::size_t bytes); ///< zeroes, in stream order
 void device_synchronize();
 /// Throws Error{resources} naming the kernel if the last launch was refused. Called by the drivers after every launch.
 void check_launch(char const* kernel);
+/// Throws Error{resources}: there is more than one launch takes.
+[[noreturn]] void refuse_launch();
+/// So many blocks, of so many along and across, as launches count them. Throws Error{resources} beyond 2^31 - 1.
+unsigned launch_blocks(std::int64_t blocks, std::int64_t along = 1, std::int64_t across = 1);
 
 } // namespace vkt

@@ -99,6 +99,7 @@ private:
         for (std::size_t i = 0; i < operations.size(); ++i) {
             auto const to = shares_.front().operations[i]->counters(), from = operations[i]->counters();
             for (std::size_t k = 0; k < to.size(); ++k) *to[k] += *from[k];
+            shares_.front().operations[i]->computed += operations[i]->computed;
         }
     }
 

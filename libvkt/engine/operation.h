@@ -174,6 +174,8 @@ public:
     virtual bool scans_on_gpu() const { return shape() == Shape::reduction && runs_on_gpu(); }
     /// What was clipped, not a number, … in the volume just finished.
     virtual std::vector<Remark> remarks() const { return {}; }
+    /// Voxels of the result that run() was asked for since begin(): the engine's own count.
+    std::int64_t computed = 0;
     /// True if there is a report() beside the output. Adds the option --report to the command.
     virtual bool reports() const { return false; }
     /// What was found in the volume just finished.

@@ -185,6 +185,7 @@ void OperationSource::plan_volume() {
     ahead_box_ = {};
     begins_ = true;
     counted_.reset();
+    operation_.computed = 0;
     bool const trees = !headers.empty() && !headers.front().dry_run && any_tree(headers);
     if (trees) refuse_grids_among(operation_, headers);
     // All but what makes a grid of a tree is planned by who works on trees: brick by brick, or level by level.
@@ -406,9 +407,22 @@ void OperationSource::finish() {
     if (!inputs_used_up_)
         for (auto& input : inputs_) input->finish();
     if (info_.on_report && operation_.reports()) info_.on_report(operation_.report());
+    tell_remarks();
+}
+
+/// What remarks count is of the voxels that were asked for: where these are fewer than all that a remark speaks of, it
+/// says so.
+void OperationSource::tell_remarks() const {
     if (!info_.listener) return;
-    for (auto const& remark : tree_ ? tree_->remarks() : operation_.remarks())
-        info_.listener(info_.name, remark.message, remark.lossy);
+    std::int64_t const all = plan_.output.voxels();
+    bool const some = !tree_ && operation_.computed > 0 && operation_.computed < all;
+    for (auto const& remark : tree_ ? tree_->remarks() : operation_.remarks()) {
+        bool const counts = remark.message.find(text(" of ", all, " voxels")) != std::string::npos;
+        info_.listener(info_.name,
+                       some && counts ? text(remark.message, "; ", operation_.computed, " were asked for")
+                                      : remark.message,
+                       remark.lossy);
+    }
 }
 
 } // namespace vkt

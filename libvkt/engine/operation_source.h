@@ -88,6 +88,7 @@ private:
     bool descends(Box const& region) const;
     void run_on_gpu(AnyView out);
     void run(AnyView out);
+    void tell_remarks() const;
     void run_uncounted(AnyView out);
     void compute_region(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.

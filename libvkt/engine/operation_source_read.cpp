@@ -154,7 +154,11 @@ void OperationSource::run_in_pieces(AnyView out) {
 }
 
 void OperationSource::run(AnyView out) {
-    if (!counted_) return compute_region(out);
+    auto const compute = [this](AnyView region) {
+        operation_.computed += region.box.voxels();
+        compute_region(region);
+    };
+    if (!counted_) return compute(out);
     auto const slices = [&](std::int64_t begin, std::int64_t end) {
         Box box = out.box;
         box.lower.z = std::clamp(begin, out.box.lower.z, out.box.upper.z);
@@ -162,7 +166,7 @@ void OperationSource::run(AnyView out) {
         return out.part(box);
     };
     run_uncounted(slices(out.box.lower.z, counted_->begin));
-    compute_region(slices(std::max(out.box.lower.z, counted_->begin), counted_->end));
+    compute(slices(std::max(out.box.lower.z, counted_->begin), counted_->end));
     run_uncounted(slices(std::max(counted_->begin, counted_->end), out.box.upper.z));
 }
 

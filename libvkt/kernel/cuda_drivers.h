@@ -37,10 +37,8 @@ inline Rows rows_of(Index3 dims, std::int64_t units, int per_thread, bool ragged
     r.block = dim3(across, block_threads / across);
     std::int64_t const per_row = (threads + across - 1) / across;
     std::int64_t const row_blocks = (r.rows + r.block.y - 1) / r.block.y;
-    if (per_row > 0x7fffffff || row_blocks > 0x7fffffff / per_row)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    r.blocks_per_row = static_cast<unsigned>(per_row);
-    r.grid = dim3(static_cast<unsigned>(per_row * row_blocks));
+    r.blocks_per_row = launch_blocks(per_row);
+    r.grid = dim3(launch_blocks(per_row, row_blocks));
     return r;
 }
 

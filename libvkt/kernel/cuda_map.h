@@ -225,11 +225,8 @@ void launch_packs(Box const& box, AnyView out, Inputs<inputs> const& in, F const
     if (whole) return;
     Rows edges = rows_of({2 * N, dims.y, dims.z}, 1, 1);
     edges.nx = dims.x;
-    std::int64_t const blocks = (edges.rows * 2 * N + block_threads - 1) / block_threads;
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    map_edges<C, inputs, At, F>
-        <<<static_cast<unsigned>(blocks), block_threads>>>(edges, N, out.box.lower, to, in, f, totals);
+    unsigned const blocks = launch_blocks((edges.rows * 2 * N + block_threads - 1) / block_threads);
+    map_edges<C, inputs, At, F><<<blocks, block_threads>>>(edges, N, out.box.lower, to, in, f, totals);
 }
 
 template <class C, bool At, class F, class... In>

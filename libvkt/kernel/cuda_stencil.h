@@ -1,8 +1,10 @@
-// stencil and column_stencil on a GPU: a block's voxels and their neighbours in shared memory.
+// stencil and column_stencil on a GPU: a block's voxels and their neighbours in shared memory, or, of far ones, in a
+// copy.
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/cuda_rows.h"
+#include "libvkt/core/buffer.h"
+#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/order.h"
 
 namespace vkt::VKT_BACKEND {
@@ -101,13 +103,57 @@ namespace driver {
 
 inline constexpr std::int64_t shared_memory = 200 << 10, comfortable_memory = 48 << 10;
 
-/// Bytes of one slice of a block's neighbourhood.
-template <class C> std::int64_t plane_bytes(Index3 radius) {
-    return (tile_x + 2 * radius.x) * (tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
-}
-/// True if neighbourhoods of this radius fit into shared memory.
-template <class C> bool fits_stencil(Index3 radius) {
-    return plane_bytes<C>(radius) * (2 * radius.z + 1) <= shared_memory;
+/// The neighbours of a voxel in memory of any size.
+template <class C> class FarWindow {
+public:
+    using Value = C;
+    __device__ __forceinline__ FarWindow(C const* centre, std::int64_t row, std::int64_t slice)
+        : centre_(centre), row_(row), slice_(slice) {}
+    __device__ __forceinline__ C operator()(int dx, int dy, int dz) const {
+        return centre_[dx + dy * row_ + dz * slice_];
+    }
+
+private:
+    C const* centre_;
+    std::int64_t row_, slice_;
+};
+
+/// Voxels of a box as C, in one array.
+template <class C> struct Widened {
+    DeviceRows in;
+    Index3 n;
+    C* to;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z, LossCounts&) const {
+        to[(z * n.y + y) * n.x + x] = load_neighbour<C>(in.type, in.at(x, y, z));
+    }
+};
+
+/// A stencil on such voxels; `around` is the extent of all, `radius` how far they lie around the results.
+template <class C, class F> struct FarStencil {
+    F f;
+    C const* values;
+    Index3 around, radius;
+    DeviceRows out;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               LossCounts& counts) const {
+        std::int64_t const slice = around.x * around.y;
+        C const* const centre = values + (z + radius.z) * slice + (y + radius.y) * around.x + x + radius.x;
+        store_result(out.type, out.at(x, y, z), f(FarWindow<C>(centre, around.x, slice)), counts);
+    }
+};
+
+template <class C, class F> void far_stencil(AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
+    Box const around = grow(out.box, radius);
+    Buffer memory(static_cast<std::size_t>(around.voxels()) * sizeof(C));
+    auto* const values = reinterpret_cast<C*>(memory.write(Space::device));
+    for_each_voxel(around.dims(), Widened<C>{device_rows(in, around), around.dims(), values}, nullptr,
+                   "stencil, copying");
+    DeviceLosses const counts;
+    for_each_voxel(out.dims(), FarStencil<C, F>{f, values, around.dims(), radius, device_rows(ConstView(out), out.box)},
+                   counts.get(), "stencil");
+    counts.add_to(losses);
 }
 
 } // namespace driver
@@ -116,32 +162,28 @@ template <class C, class F>
 void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
     if (out.box.empty()) return;
     Index3 const n = out.dims();
-    std::int64_t const plane = driver::plane_bytes<C>(radius);
+    std::int64_t const plane = (driver::tile_x + 2 * radius.x) * (driver::tile_y + 2 * radius.y) *
+                               static_cast<std::int64_t>(sizeof(C)); // bytes of a slice of a block's neighbourhood
     constexpr std::int64_t comfortable = driver::comfortable_memory;
     std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : driver::shared_memory;
     std::int64_t const deep = std::min<std::int64_t>(8, room / plane - 2 * radius.z);
-    if (deep < 1)
-        throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",
-                    "use --device cpu");
+    if (deep < 1) return driver::far_stencil<C>(out, losses, radius, f, in);
     driver::Tiles const tiles{static_cast<int>(deep),
                               static_cast<int>((n.x + driver::tile_x - 1) / driver::tile_x),
                               static_cast<int>((n.y + driver::tile_y - 1) / driver::tile_y),
                               static_cast<int>(radius.x),
                               static_cast<int>(radius.y),
                               static_cast<int>(radius.z)};
-    std::int64_t const blocks = static_cast<std::int64_t>(tiles.across) * tiles.along * ((n.z + deep - 1) / deep);
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    unsigned const blocks = launch_blocks(tiles.across, tiles.along, (n.z + deep - 1) / deep);
     auto const bytes = static_cast<int>(plane * (deep + 2 * radius.z));
     if (bytes > comfortable &&
         cudaFuncSetAttribute(driver::stencil_any<C, F>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes) !=
             cudaSuccess) {
-        (void)cudaGetLastError();
-        throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",
-                    "use --device cpu");
+        (void)cudaGetLastError(); // this GPU has less
+        return driver::far_stencil<C>(out, losses, radius, f, in);
     }
     driver::DeviceLosses const counts;
-    driver::stencil_any<C><<<static_cast<unsigned>(blocks), dim3(driver::tile_x, driver::tile_y), bytes>>>(
+    driver::stencil_any<C><<<blocks, dim3(driver::tile_x, driver::tile_y), bytes>>>(
         driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n, tiles, f, counts.get());
     check_launch("stencil");
     counts.add_to(losses);

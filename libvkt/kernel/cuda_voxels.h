@@ -30,9 +30,7 @@ struct Blocks {
 template <class Shape> Blocks blocks_of(Index3 n) {
     std::int64_t const across = (n.x + Shape::width - 1) / Shape::width, along = (n.y + Shape::y - 1) / Shape::y,
                        deep = (n.z + Shape::z - 1) / Shape::z;
-    if (across > 0x7fffffff || along > 0x7fffffff / across || deep > 0x7fffffff / (across * along))
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * deep)};
+    return {launch_blocks(across), launch_blocks(along), launch_blocks(across, along, deep)};
 }
 
 /// Blocks that a multiprocessor is to have room for at once: a functor's own word, `static constexpr int

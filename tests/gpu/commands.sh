@@ -162,6 +162,8 @@ for type in uint8 uint16 int16 float32 float64; do
     same "$tolerance" "$vkt filter nlmeans in_$type.nrrd --noise 12 --patch 2,1,0 --search 1 --boundary wrap --roi 5:90,:,3:20 -q"
     # Further than shared memory reaches.
     same "$tolerance" "$vkt filter nlmeans in_$type.nrrd --strength 20 --patch 1,1,2 --search 16,16,7 --roi 5:60,3:30,3:12 -q"
+    same "$tolerance" "$vkt filter bilateral in_$type.nrrd --sigma 6 --radius 16,17,15 --range-sigma 30 --roi 5:60,3:30,3:12 -q"
+    same 0 "$vkt filter median in_$type.nrrd --radius 15,16,14 --roi 5:60,3:30,3:12 -q"
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2 --boundary border:30.5"
     # Borders that the type does not hold: results clip.
     for options in '--sigma 2 --method fir' '--sigma 9,7,5' '--sigma 1,0,3 --roi 5:90,:,3:20 --slab 6'; do

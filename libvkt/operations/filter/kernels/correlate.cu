@@ -529,14 +529,14 @@ template <class C> struct DeviceTap {
     C weight;
 };
 
-/// Any taps, in their order, from wherever voxel(dx, dy, dz) comes. Sums that are not finite are made again of smaller
+/// Any taps, in their order. Sums that are not finite are made again of smaller
 /// voxels.
 template <class C> struct AnyTaps {
     DeviceTap<C> const* tap;
     int count;
     C offset, headroom;
 
-    template <class V> VKT_DEVICE C sum(V const& voxel) const {
+    template <class W> VKT_DEVICE C operator()(W const& voxel) const {
         C total = 0;
         for (int k = 0; k < count; ++k) {
             DeviceTap<C> const t = tap[k];
@@ -551,21 +551,6 @@ template <class C> struct AnyTaps {
             total = total / headroom;
         }
         return offset != 0 ? total + offset : total;
-    }
-    VKT_DEVICE C operator()(Window<C> const& window) const { return sum(window); }
-};
-
-/// The same without shared memory, for neighbourhoods that are too large for it.
-template <class C> struct FarTaps {
-    AnyTaps<C> taps;
-    Values<C> in;
-    Index3 at;
-    driver::DeviceRows out;
-
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts& counts) const {
-        C const sum = taps.sum([&](int i, int j, int k) { return in(at.x + x + i, at.y + y + j, at.z + z + k); });
-        driver::store_value(out.type, out.at(x, y, z), sum, counts);
     }
 };
 
@@ -588,14 +573,7 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
                         static_cast<C>(tap.weight)});
     driver::DeviceList const list(taps);
     AnyTaps<C> const any{list.get(), static_cast<int>(taps.size()), offset, headroom};
-    if (driver::fits_stencil<C>(r)) return stencil<C>(execution, out, losses, r, any, in);
-    driver::DeviceLosses const counts;
-    FarTaps<C> const far{any,
-                         {driver::device_rows(in, {out.box.lower - r, out.box.upper + r})},
-                         r,
-                         driver::device_rows(ConstView(out), out.box)};
-    driver::for_each_voxel(out.dims(), far, counts.get(), "correlate_dense");
-    counts.add_to(losses);
+    stencil<C>(execution, out, losses, r, any, in);
 }
 
 } // namespace

@@ -324,9 +324,7 @@ private:
                                                   : std::min(passes_.dims.z, end + passes_.taps[2].radius);
     }
     static dim3 grid(std::int64_t blocks, std::int64_t slices) {
-        if (blocks > 0x7fffffff)
-            throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-        return dim3(static_cast<unsigned>(blocks), static_cast<unsigned>(slices));
+        return dim3(launch_blocks(blocks), static_cast<unsigned>(slices));
     }
     template <class Kernel> static void allow_shared(Kernel* kernel, std::int64_t bytes) {
         if (bytes > 48 << 10)

@@ -14,7 +14,7 @@ namespace {
 template <class K> struct MedianByBits {
     int rx, ry, rz, rank;
 
-    __device__ K operator()(Window<K> const& window) const {
+    template <class W> __device__ K operator()(W const& window) const {
         using U = std::make_unsigned_t<K>;
         constexpr U flip = std::is_signed_v<K> ? U(U(1) << (8 * sizeof(K) - 1)) : U(0);
         U found = 0;

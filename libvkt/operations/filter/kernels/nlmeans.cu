@@ -1,12 +1,9 @@
-// Non-local means on GPUs: a thread a voxel, patches summed along x, y and z from what lies in shared memory or, of
-// far-reaching ones, in a copy of the volume.
+// Non-local means on GPUs: a thread a voxel, patches summed along x, y and z.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/filter/kernels/nlmeans.h"
 
-#include "libvkt/core/buffer.h"
-#include "libvkt/kernel/cuda_stencil.h"
-#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/stencil.h"
 #include "libvkt/operations/common/kernels/weights.h"
 
 namespace vkt {
@@ -56,55 +53,6 @@ private:
     }
 };
 
-/// The neighbours of a voxel in memory of any size.
-template <class C> struct FarWindow {
-    C const* centre;
-    std::int64_t row, slice;
-    __device__ __forceinline__ C operator()(int dx, int dy, int dz) const { return centre[dx + dy * row + dz * slice]; }
-};
-
-/// Voxels of a box as C, in one array.
-template <class C> struct Widened {
-    driver::DeviceRows in;
-    Index3 n;
-    C* to;
-
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts&) const {
-        to[(z * n.y + y) * n.x + x] = driver::load_neighbour<C>(in.type, in.at(x, y, z));
-    }
-};
-
-/// The means of such voxels; `around` is the extent of all, `reach` how far they lie around the results.
-template <class C> struct FarMeans {
-    NlMeansAt<C> means;
-    C const* values;
-    Index3 around, reach;
-    driver::DeviceRows out;
-
-    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
-                                               driver::LossCounts& counts) const {
-        std::int64_t const slice = around.x * around.y;
-        C const* const centre = values + (z + reach.z) * slice + (y + reach.y) * around.x + x + reach.x;
-        driver::store_result(out.type, out.at(x, y, z), means(FarWindow<C>{centre, around.x, slice}), counts);
-    }
-};
-
-/// What lies too far away for shared memory.
-template <class C> void far_means(ConstView in, AnyView out, Index3 reach, NlMeansAt<C> const& means, Losses& losses) {
-    if (out.box.empty()) return;
-    Box const around = grow(out.box, reach);
-    Buffer memory(static_cast<std::size_t>(around.voxels()) * sizeof(C));
-    auto* const values = reinterpret_cast<C*>(memory.write(Space::device));
-    driver::for_each_voxel(around.dims(), Widened<C>{driver::device_rows(in, around), around.dims(), values}, nullptr,
-                           "non-local means, copying");
-    driver::DeviceLosses const counts;
-    driver::for_each_voxel(
-        out.dims(), FarMeans<C>{means, values, around.dims(), reach, driver::device_rows(ConstView(out), out.box)},
-        counts.get(), "non-local means");
-    counts.add_to(losses);
-}
-
 } // namespace
 
 void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& losses, Execution const& execution) {
@@ -113,11 +61,7 @@ void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& los
         auto const reach = [](std::int64_t r) { return static_cast<int>(r); };
         NlMeansAt<C> const at{reach(rule.patch.x),  reach(rule.patch.y),  reach(rule.patch.z), reach(rule.search.x),
                               reach(rule.search.y), reach(rule.search.z), factors.scale,       factors.free};
-        Index3 const around = rule.patch + rule.search;
-        if (driver::fits_stencil<C>(around))
-            stencil<C>(execution, out, losses, around, at, in);
-        else
-            far_means<C>(in, out, around, at, losses);
+        stencil<C>(execution, out, losses, rule.patch + rule.search, at, in);
     });
 }
 

@@ -51,12 +51,7 @@ __device__ inline Place place_of(Rows const& rows, std::int64_t i) {
 }
 __device__ inline std::int64_t this_thread() { return static_cast<std::int64_t>(blockIdx.x) * block + threadIdx.x; }
 
-inline unsigned blocks_for(std::int64_t threads) {
-    std::int64_t const blocks = (threads + block - 1) / block;
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return static_cast<unsigned>(blocks);
-}
+inline unsigned blocks_for(std::int64_t threads) { return launch_blocks((threads + block - 1) / block); }
 
 inline Rows rows_of(DeviceComponents& components) {
     Index3 const n = components.dims;

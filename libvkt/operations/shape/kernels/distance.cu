@@ -291,8 +291,8 @@ template <class V> void pass_of(AnyView out, DistancePass const& pass) {
         --rule.columns_log;
     rule.columns = 1 << rule.columns_log;
     std::int64_t const tiles = (n.x + rule.columns - 1) / rule.columns;
-    if (bytes(rule.columns_log) > most || tiles * rule.others > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    if (bytes(rule.columns_log) > most) refuse_launch();
+    static_cast<void>(launch_blocks(tiles, rule.others));
     rule.tiles = static_cast<unsigned>(tiles);
     if (pass.both_sides)
         launch_lines<V, true>(out, rule, static_cast<unsigned>(tiles * rule.others), bytes(rule.columns_log));
@@ -307,13 +307,12 @@ template <class T> void rows_of_type(ConstView in, AnyView out, DistanceRows& ro
     int most = 0;
     cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_current());
     auto const warps = static_cast<unsigned>(std::clamp<std::int64_t>((48 << 10) / each, 1, block_of_rows / 32));
-    std::int64_t const blocks = (n.y * n.z + warps - 1) / warps;
-    if (each > most || blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    unsigned const blocks = launch_blocks((n.y * n.z + warps - 1) / warps);
+    if (each > most) refuse_launch();
     cudaFuncSetAttribute(rows_kernel<T>, cudaFuncAttributeMaxDynamicSharedMemorySize, most);
     IsObject<T> const is_object(rows.zero);
     driver::DeviceLosses const counts;
-    rows_kernel<T><<<static_cast<unsigned>(blocks), dim3(32, warps), static_cast<std::size_t>(each) * warps>>>(
+    rows_kernel<T><<<blocks, dim3(32, warps), static_cast<std::size_t>(each) * warps>>>(
         reinterpret_cast<T const*>(in.data), in.row, in.slice, Volume4{out.data, n, out.row, out.slice}, is_object,
         rows.whole, rows.both_sides, rows.whole ? static_cast<int>(rows.weight) : 1, static_cast<int>(chunks),
         counts.get());

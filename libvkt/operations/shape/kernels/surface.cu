@@ -50,10 +50,7 @@ private:
 };
 
 unsigned blocks_of_threads(std::int64_t threads, unsigned a_block) {
-    std::int64_t const blocks = (threads + a_block - 1) / a_block;
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return static_cast<unsigned>(blocks);
+    return launch_blocks((threads + a_block - 1) / a_block);
 }
 
 /// Nobody is inside, or everybody.

@@ -128,8 +128,7 @@ bool is_wide(DataType type) { return type == DataType::int64 || type == DataType
 void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const& execution) {
     Index3 const n = pair.a.dims();
     std::int64_t const count = n.y * n.z;
-    if (count * lanes / block >= 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    unsigned const blocks = launch_blocks((count * lanes + block - 1) / block);
     bool const same_map = pair.map_a == pair.map_b; // its intercept takes no part
     auto const side = [&](ConstView const& view, ValueMap const& map) {
         return Side{driver::device_rows(view, view.box), map.slope, map.intercept, !(map == ValueMap{}),
@@ -137,8 +136,8 @@ void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const&
     };
     Buffer memory(static_cast<std::size_t>(count) * sizeof(ScaledDifference));
     auto* const found = reinterpret_cast<ScaledDifference*>(memory.write(Space::device));
-    compare_rows<<<static_cast<unsigned>((count * lanes + block - 1) / block), block>>>(
-        Pair{side(pair.a, pair.map_a), side(pair.b, pair.map_b), n, pair.map_a.slope}, found);
+    compare_rows<<<blocks, block>>>(Pair{side(pair.a, pair.map_a), side(pair.b, pair.map_b), n, pair.map_a.slope},
+                                    found);
     check_launch("difference");
     auto const* const results = reinterpret_cast<ScaledDifference const*>(memory.read(Space::host));
 #pragma omp parallel for num_threads(execution.threads) if (execution.threads > 1)

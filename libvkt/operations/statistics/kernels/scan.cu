@@ -262,19 +262,17 @@ template <class A, class T> void scan_slab_of(ScanState& state, ConstView in, An
     Slab<T> const slab{
         reinterpret_cast<T const*>(in.data), in.row, in.slice, n.x, n.y, n.z, in.box.lower.y == 0, state.exclusive};
     Value<A, T> const value{!(state.map == ValueMap{}), state.map.slope, state.map.intercept};
-    std::int64_t const blocks = (n.x * n.y + block - 1) / block;
-    if (n.z > 0x7fffffff || blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    unsigned const blocks = launch_blocks((n.x * n.y + block - 1) / block), slices = launch_blocks(n.z);
     if (n.x <= row_block * each)
-        slices_kernel<A, T, true><<<static_cast<unsigned>(n.z), row_block>>>(slab, value, above, sums);
+        slices_kernel<A, T, true><<<slices, row_block>>>(slab, value, above, sums);
     else
-        slices_kernel<A, T, false><<<static_cast<unsigned>(n.z), row_block>>>(slab, value, above, sums);
+        slices_kernel<A, T, false><<<slices, row_block>>>(slab, value, above, sums);
     check_launch("scan");
     Columns<A> const columns{
         sums,           below, driver::device_rows(out, out.box), n.x, n.y, n.z, in.box.lower.y, in.box.lower.z == 0,
         state.exclusive};
     driver::DeviceLosses const counts;
-    columns_kernel<A><<<static_cast<unsigned>(blocks), block>>>(columns, counts.get());
+    columns_kernel<A><<<blocks, block>>>(columns, counts.get());
     check_launch("scan");
     counts.add_to(losses);
 }

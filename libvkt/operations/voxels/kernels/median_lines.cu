@@ -152,11 +152,9 @@ __global__ void __launch_bounds__(block)
 
 template <class T, int lanes>
 void launch(ConstView in, Lines const& lines, driver::DeviceRows const& out, T none, unsigned long long* totals) {
-    std::int64_t const blocks = (lines.across * lines.down * lanes + block - 1) / block;
-    if (blocks > 0x7fffffff || lines.n > 0xffffffffLL)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    medians_kernel<T, lanes>
-        <<<static_cast<unsigned>(blocks), block>>>(reinterpret_cast<T const*>(in.data), lines, out, none, totals);
+    unsigned const blocks = launch_blocks((lines.across * lines.down * lanes + block - 1) / block);
+    if (lines.n > 0xffffffffLL) refuse_launch();
+    medians_kernel<T, lanes><<<blocks, block>>>(reinterpret_cast<T const*>(in.data), lines, out, none, totals);
     check_launch("medians of lines");
 }
 

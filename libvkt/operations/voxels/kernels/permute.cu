@@ -65,11 +65,10 @@ template <class U> void turn(Tiles<U> tiles) {
     std::int64_t const across = (tiles.nx + edge - 1) / edge, down = (tiles.own + edge - 1) / edge;
     tiles.deep = std::abs(tiles.from_other) < std::abs(tiles.from_x) ? tiles_deep : 1;
     std::int64_t const all = (tiles.other + tiles.deep - 1) / tiles.deep * tiles.deep;
-    if (across > 0x7fffffff / down || all > 0x7fffffff / (across * down))
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    unsigned const blocks = launch_blocks(across, down, all);
     tiles.across = static_cast<unsigned>(across);
     tiles.down = static_cast<unsigned>(down);
-    turn_kernel<U><<<static_cast<unsigned>(across * down * all), dim3(edge, tile_rows)>>>(tiles);
+    turn_kernel<U><<<blocks, dim3(edge, tile_rows)>>>(tiles);
     check_launch("permute_box");
 }
 

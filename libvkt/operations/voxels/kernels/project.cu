@@ -329,14 +329,13 @@ template <class S, class T> void add_lines(ProjectionState& state, ConstView in)
     driver::DeviceList<double> const share(shares);
     Image const image{state.extremes, state.whole, state.wide, state.value, state.extra, state.count, state.scale};
     driver::DeviceLosses const counts;
-    std::int64_t const threads = lines.across * lines.down * (rows ? lanes : 1), blocks = (threads + block - 1) / block;
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    std::int64_t const threads = lines.across * lines.down * (rows ? lanes : 1);
+    unsigned const blocks = launch_blocks((threads + block - 1) / block);
     auto const* const voxels = reinterpret_cast<T const*>(in.data);
     if (rows)
-        rows_kernel<S, T><<<static_cast<unsigned>(blocks), block>>>(voxels, lines, image, share.get(), counts.get());
+        rows_kernel<S, T><<<blocks, block>>>(voxels, lines, image, share.get(), counts.get());
     else
-        lines_kernel<S, T><<<static_cast<unsigned>(blocks), block>>>(voxels, lines, image, share.get(), counts.get());
+        lines_kernel<S, T><<<blocks, block>>>(voxels, lines, image, share.get(), counts.get());
     check_launch("project");
     if constexpr (std::is_integral_v<T>) return; // no NaN to be told of
     Losses losses;
