@@ -25,19 +25,20 @@ public:
         std::vector<std::string> files;
         for (std::string const& path : paths_)
             for (auto const& file : matching_files(path)) files.push_back(file);
+        StageInfo const info = with_inputs(context.stage_info(), files);
         if (along_ != StackAxis::series) {
             auto const open = [&context](std::string const& first, ReadOptions const& together) {
                 return context.open(first, together);
             };
-            if (auto source = stacked_dicom(files, open, variable_, force_uniform_, context.stage_info()))
+            if (auto source =
+                    stacked_dicom(files, open, variable_, force_uniform_, with_inputs(context.stage_info(), paths_)))
                 return source;
         }
         if (!variable_.empty())
             throw Error(ErrorKind::usage,
                         "--variable chooses one of several series of DICOM images, which these are not");
         return stacked(
-            files, [&context](std::string const& path) { return context.open(path); }, along_, force_uniform_,
-            context.stage_info());
+            files, [&context](std::string const& path) { return context.open(path); }, along_, force_uniform_, info);
     }
 
 private:

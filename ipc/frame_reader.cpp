@@ -34,7 +34,8 @@ void FrameReader::ended_early() const {
     throw Error(ErrorKind::data,
                 in_volume_ ? text("the volume on ", name(), " ended early: ", lacks)
                            : text("the stream on ", name(), " ended early, within its header"),
-                "an upstream command failed or the file was cut off");
+                input_.is_file() ? "the file was cut off, or the command that wrote it failed"
+                                 : "an upstream command failed");
 }
 
 void FrameReader::read(void* to, std::size_t n) {
@@ -88,6 +89,10 @@ void FrameReader::count(FrameHeader const& frame) {
 
 void FrameReader::pass_on_error(FrameHeader const& frame) {
     ErrorReport const error = error_from_json(read_text(frame, "ERR"));
+    // Of a file nobody else says what was wrong.
+    if (input_.is_file())
+        throw Error(ErrorKind::data, text(name(), " ends with the error of the command that wrote it: ", error.stage,
+                                          ": ", printable(error.message)));
     throw UpstreamError(text(error.stage, ": ", error.message));
 }
 

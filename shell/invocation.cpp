@@ -154,7 +154,10 @@ void Invocation::resolve_inputs() {
         // A missing first of two inputs would be surprising; a missing last one is standard input.
         while (inputs_.size() < n) inputs_.emplace_back("-");
     }
-    if (opener_) inputs_ = opener_->input_names();
+    if (opener_) {
+        inputs_ = opener_->input_names();
+        inputs_are_parameters_ = !inputs_.empty(); // some know only now
+    }
     if (std::count(inputs_.begin(), inputs_.end(), "-") > 1)
         throw Error(ErrorKind::usage, "standard input can be read only once",
                     "give the other input as a file or as <(vkt …)");

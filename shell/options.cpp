@@ -73,6 +73,9 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
         }
         Parameter const* const named = named_option(lists, word);
         if (unfed != nullptr && (named != nullptr || word == "--")) missing_value(*unfed, word);
+        if (named != nullptr && named->flag && word.find('=') != std::string::npos)
+            throw Error(ErrorKind::usage, text("--", named->name, " takes no value"),
+                        text("it is said or left out: --", named->name));
         unfed = named != nullptr && !named->flag && word.find('=') == std::string::npos ? named : nullptr;
         if (word == "--") { // all that follows are arguments, whatever they begin with
             only_arguments = true;
@@ -88,7 +91,10 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
             in_numbers = last != nullptr && last->numbers && equals != std::string::npos;
             if (last == nullptr || !last->is_tuple() || equals == std::string::npos) {
                 if (equals != std::string::npos) last = nullptr; // has its value
+                bool const empty = equals + 1 == word.size();    // for which CLI11 would take the next word
+                if (empty) word.pop_back();
                 result.push_back(std::move(word));
+                if (empty) result.emplace_back();
                 continue;
             }
             result.push_back(word.substr(0, equals));
@@ -135,15 +141,17 @@ std::string spelling(Parameter const& p, bool as_option) {
     return names;
 }
 
-/// The option whose three numbers stand in words of their own, "--spacing 1 2 3", as it should be written; empty if
-/// there is none.
-std::string triple_in_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
-    for (std::size_t i = 0; i + 3 < words.size(); ++i) {
+/// The option whose numbers, of which `word` is one, stand in words of their own, "--spacing 1 2 3", as it should be
+/// written; empty if there is none.
+std::string numbers_in_words(std::string const& word, std::vector<std::string> const& words,
+                             std::vector<Parameters*> const& lists) {
+    for (std::size_t i = 0; i + 2 < words.size(); ++i) {
         Parameter const* const p = named_option(lists, words[i]);
-        if (p == nullptr || !p->triple || words[i].find('=') != std::string::npos) continue;
+        if (p == nullptr || p->flag || p->numbers || words[i].find('=') != std::string::npos) continue;
         auto const first = words.begin() + static_cast<std::ptrdiff_t>(i) + 1;
-        if (std::all_of(first, first + 3, [](std::string const& word) { return is_number(word); }))
-            return text(words[i], " ", join({first, first + 3}, ","));
+        auto const end = std::find_if_not(first, words.end(), [](std::string const& next) { return is_number(next); });
+        if (end - first > 1 && std::find(first + 1, end, word) != end)
+            return text(words[i], " ", join({first, end}, ","));
     }
     return {};
 }
@@ -157,9 +165,10 @@ struct Line {
 
 [[noreturn]] void unexpected_argument(std::string const& word, Line const& line) {
     auto const& lists = line.lists;
-    if (std::string const triple = triple_in_words(line.words, lists); is_number(word) && !triple.empty())
+    if (std::string const numbers = numbers_in_words(word, line.words, lists); !numbers.empty())
         throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"),
-                    text("three numbers are written with commas: ", triple));
+                    text(std::ranges::count(numbers, ',') == 2 ? "three" : "several",
+                         " numbers are written with commas: ", numbers));
     bool const writes =
         std::any_of(lists.begin(), lists.end(), [](Parameters* list) { return list->find("output") != nullptr; });
     if (word.starts_with('-') && word.size() > 1)

@@ -327,3 +327,20 @@ for name in 'gaps', 'cube3', 'cube5':
     fails_with 3 'clipped to [0,255]' vkt filter kernel gain.txt v_13x11x7_uint8.raw --dtype uint8 --strict -o o.vkt
     vkt make amr --blocks 20 --levels 2 | vkt filter kernel dense.txt | vkt info - >/dev/null
 }
+
+@test "weights of several planes on a single slice are those of the slice between two like it" {
+    printf '3 3 3\n0 1 0 1 2 1 0 1 0  1 2 1 2 -24 2 1 2 1  0 1 0 1 2 1 0 1 0\n' >stencil.txt
+    printf '3 3 3\n0 0 0 0 1 0 0 0 0  1 1 1 1 -10 1 1 1 1  0 0 0 0 1 0 0 0 0\n' >cross.txt
+    vkt make noise --dims 9 8 7 --seed 4 -o noise.nrrd
+    for axis in x y z; do
+        by=0:0,0:0,1:1
+        case $axis in x) by=1:1,0:0,0:0 ;; y) by=0:0,1:1,0:0 ;; esac
+        roi=:,:,3:4 middle=:,:,1:2
+        case $axis in x) roi=3:4,:,: middle=1:2,:,: ;; y) roi=:,3:4,: middle=:,1:2,: ;; esac
+        vkt crop noise.nrrd --roi $roi -o flat.nrrd --force
+        for kernel in stencil cross; do
+            vkt pad flat.nrrd --by $by --boundary clamp | vkt filter kernel $kernel.txt | vkt crop --roi $middle -o expected.nrrd --force
+            vkt filter kernel $kernel.txt flat.nrrd | vkt diff - expected.nrrd --tolerance 1e-3
+        done
+    done
+}

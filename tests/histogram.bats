@@ -280,6 +280,7 @@ assert len(bars) == len(want) and all(abs(float(b.attrib["height"]) - x) < 1e-6 
     vkt histogram --merge part*.json --json | cmp - whole.json
     vkt histogram --merge part0:7.json part7:30.json --mergeable -o sum.json
     vkt histogram --merge sum.json part30:.json --csv | cmp - <(vkt histogram phantom.nrrd --range 5:80 --bins 33 --csv)
+    fails_with 2 "--merge reads no volume" vkt histogram --merge sum.json part30:.json --bins 7
     vkt histogram --merge sum.json part30:.json -o merged.svg
     fails_with 2 "same range for all" vkt histogram phantom.nrrd --mergeable
     vkt histogram phantom.nrrd --range 5:81 --bins 33 --mergeable -o other.json

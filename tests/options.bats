@@ -204,6 +204,8 @@ END
     vkt render --iso-color 1,0,0 --iso 2 v.nrrd -ra implicit-iso --size 24 -o c.png # the list ends before the file
     fails_with 2 "three numbers are written with commas: --spacing 1,2,3" vkt set --spacing 1 2 3 v.nrrd -o s.nrrd
     fails_with 2 "three numbers are written with commas: --sigma 1,2,3" vkt filter gaussian v.nrrd --sigma 1 2 3 -o s.nrrd
+    fails_with 2 "three numbers are written with commas: --radius 1,2,3" vkt filter box v.nrrd --radius 1 2 3 -o s.nrrd
+    fails_with 2 "several numbers are written with commas: --size 800,600" vkt render v.nrrd --size 800 600 -o s.png
     fails_with 2 "--sigma: '1,2,': a number is missing after a comma" vkt filter gaussian v.nrrd --sigma 1,2, -o s.nrrd
     fails_with 2 "--dims: '4,4,': a number is missing after a comma" vkt make ramp --dims 4,4, -o s.nrrd
     fails_with 2 "--radius: ',1,1': a number is missing before a comma" vkt filter box v.nrrd --radius ,1,1 -o s.nrrd
@@ -422,4 +424,37 @@ assert row["components"] == row["label"] == "1" and row["size"] == "60" and row[
     fails_with 2 "vkt read takes it: vkt read FILE --force-uniform … | vkt stats" vkt stats r.nrrd --force-uniform
     fails_with 2 "vkt write takes it: vkt filter gaussian … | vkt write FILE --pyramid" vkt filter gaussian r.nrrd --sigma 1 --pyramid
     fails_with 2 "see 'vkt stats --help'" vkt stats r.nrrd --unheard-of
+}
+
+@test "flags take no value, and an option said with an empty one takes no word of others" {
+    cp v.nrrd kept.nrrd
+    for value in no false 0 maybe; do
+        fails_with 2 "--force takes no value" vkt flip x v.nrrd -o kept.nrrd --force=$value
+    done
+    cmp v.nrrd kept.nrrd
+    fails_with 2 "--strict takes no value" vkt pipe 'read v.nrrd | flip x --strict=no | stats'
+    fails_with 2 "no region given" vkt crop v.nrrd --roi= -o c.nrrd
+    fails_with 2 "--sigma: '' is not a number" vkt filter gaussian v.nrrd --sigma= -o c.nrrd
+    fails_with 2 "--value: " vkt fill --value= v.nrrd -o c.nrrd
+    [ ! -e c.nrrd ]
+}
+
+@test "what is half typed, or has another name elsewhere, finds its option and its command" {
+    fails_with 2 "did you mean '--elevation'?" vkt render v.nrrd --elev 3 -o x.png
+    fails_with 2 "did you mean '--percentiles'?" vkt stats v.nrrd --perc 1
+    fails_with 2 "did you mean '--json'?" vkt stats v.nrrd --js
+    for pair in dilate:morphology erode:morphology close:morphology sum:stats histo:histogram segment:threshold; do
+        fails_with 2 "did you mean 'vkt ${pair#*:}'?" vkt ${pair%:*} v.nrrd
+    done
+}
+
+@test "a file that ends with the error of who wrote it says so" {
+    vkt make ramp --dims 300 1 1 --dtype int16 -o r.vkt
+    run -3 vkt convert r.vkt --dtype uint8 --strict >/dev/null
+    vkt convert r.vkt --dtype uint8 --strict >failed.vkt 2>/dev/null || true
+    [ -s failed.vkt ]
+    fails_with 3 "failed.vkt ends with the error of the command that wrote it: vkt convert: --strict: 44 of 300 voxels" vkt stats failed.vkt
+    fails_with 3 "ends with the error of the command that wrote it" vkt pipe 'read failed.vkt | flip x | stats'
+    head -c 300 r.vkt >cut.vkt
+    fails_with 3 "the file was cut off, or the command that wrote it failed" vkt stats cut.vkt
 }

@@ -74,6 +74,28 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     [ "$(cat said)" = 'vkt pipe: convert: 44 of 300 voxels (14.67 %) clipped to [0,255]' ] || { cat said >&2; false; }
 }
 
+@test "what several passes look at is counted once" {
+    vkt make noise --dims 40 40 20 --dtype uint16 --low 0 --high 1000 --seed 3 -o n.nrrd
+    vkt arith mul n.nrrd 100 -o many.nrrd 2>said
+    share=$(grep -o '[0-9]* of 32000 voxels' said)
+    [ -n "$share" ]
+    for next in clahe 'threshold --otsu | label' fill-holes 'convert --range p1:p99 --dtype uint8' 'filter gaussian --sigma 2'; do
+        vkt pipe "arith mul n.nrrd 100 | $next | stats" 2>said >/dev/null
+        grep -q "arith: $share" said || { echo "$next, not $share: $(cat said)" >&2; false; }
+    done
+}
+
+@test "a loss with --strict leaves no file, whoever would write it" {
+    vkt make noise --dims 20 20 20 --dtype uint8 --low 0 --high 255 --seed 3 -o n.nrrd
+    for next in 'write o.nrrd' 'write o.nii.gz' 'render -o o.png' 'histogram -o o.csv' 'label -o o.nrrd' 'flip x -o o.vkt' 'mesh -o o.ply --iso 100' \
+        'brick --size 8 -o o' 'brick --size 8 | merge -o o.nrrd' 'slice --z 3 -o o.png'; do
+        fails_with 3 "arith: --strict: " vkt pipe "read n.nrrd | arith mul 100 --strict | $next"
+        [ -z "$(find . -name 'o*' -print -quit)" ] || { echo "$next leaves $(find . -name 'o*')" >&2; false; }
+    done
+    vkt pipe 'read n.nrrd | arith mul 100 | brick --size 8 -o bricks' 2>said
+    grep -q 'arith: .* clipped' said
+}
+
 @test "so do those of files, of --strict and of trees, hints and remarks" {
     vkt make ramp --dims 300 4 4 -o v.nrrd
     fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe 'read absent.nrrd | flip x | stats'

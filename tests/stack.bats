@@ -103,3 +103,15 @@ assert [r['name'] for r in rows] == ['v.nrrd', 'f.mha'] and rows[0]['mean'] == r
     run -4 --separate-stderr vkt info v.nrrd absent.nrrd
     [[ "$stderr" == *"cannot open 'absent.nrrd'"* && "$output" == *v.nrrd* ]]
 }
+
+@test "the history of a stack makes it again" {
+    for i in 1 2 3; do vkt make ramp --dims 4 4 1 -o made$i.nrrd; done
+    vkt stack made1.nrrd <(vkt arith mul made2.nrrd 3) made3.nrrd --along z -o stacked.nrrd
+    vkt history stacked.nrrd --as-shell >again.sh
+    bash again.sh | vkt diff - stacked.nrrd
+    vkt make ramp --dims 4 4 1 --no-history -o plain1.nrrd
+    cp plain1.nrrd plain2.nrrd
+    vkt stack 'plain*.nrrd' -o stacked.nrrd --force
+    [ "$(vkt history stacked.nrrd --as-shell)" = 'vkt stack plain1.nrrd plain2.nrrd' ]
+    vkt stack 'plain*.nrrd' --along series | vkt history --as-shell | grep -qx "vkt stack 'plain\*.nrrd' --along series"
+}

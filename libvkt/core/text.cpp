@@ -368,7 +368,13 @@ std::string nearest_name(std::string_view word, std::vector<std::string> const& 
     for (auto const& [other, ours] : elsewhere)
         if (lower == other && std::find(candidates.begin(), candidates.end(), ours) != candidates.end())
             return std::string(ours);
+    // Half-typed: the shortest name that begins so.
     std::string best;
+    std::size_t const bare = word.find_first_not_of('-');
+    if (bare != std::string_view::npos && word.size() - bare >= 2)
+        for (auto const& candidate : candidates)
+            if (candidate.starts_with(word) && (best.empty() || candidate.size() < best.size())) best = candidate;
+    if (!best.empty()) return best;
     std::size_t best_distance = std::max<std::size_t>(1, word.size() / 3) + 1;
     for (auto const& candidate : candidates) {
         std::size_t const distance = edit_distance(lower, lower_case(candidate));
@@ -378,12 +384,6 @@ std::string nearest_name(std::string_view word, std::vector<std::string> const& 
             best = candidate;
         }
     }
-    if (!best.empty()) return best;
-    // Half-typed: the shortest name that begins so.
-    std::size_t const bare = word.find_first_not_of('-');
-    if (bare == std::string_view::npos || word.size() - bare < 3) return best;
-    for (auto const& candidate : candidates)
-        if (candidate.starts_with(word) && (best.empty() || candidate.size() < best.size())) best = candidate;
     return best;
 }
 

@@ -91,6 +91,19 @@ std::string input_placeholder(std::size_t i, bool explicit_word) {
     return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));
 }
 
+StageInfo with_inputs(StageInfo info, std::vector<std::string> names) {
+    auto const is_placeholder = [](std::string const& word) { return word.starts_with(placeholder_mark); };
+    auto const first = std::ranges::find_if(info.words, is_placeholder);
+    if (first != info.words.end()) {
+        auto place = first - info.words.begin();
+        std::erase_if(info.words, is_placeholder);
+        for (std::size_t i = 0; i < names.size(); ++i)
+            info.words.insert(info.words.begin() + place++, input_placeholder(i, true));
+    }
+    info.input_names = std::move(names);
+    return info;
+}
+
 bool OperationSource::Input::next_volume() {
     spool_.reset();
     preparing_.reset();
@@ -186,6 +199,7 @@ void OperationSource::plan_volume() {
     begins_ = true;
     counted_.reset();
     operation_.computed = 0;
+    seen_ = {0, 0};
     bool const trees = !headers.empty() && !headers.front().dry_run && any_tree(headers);
     if (trees) refuse_grids_among(operation_, headers);
     // All but what makes a grid of a tree is planned by who works on trees: brick by brick, or level by level.

@@ -89,6 +89,7 @@ private:
     void run_on_gpu(AnyView out);
     void run(AnyView out);
     void tell_remarks() const;
+    void run_counted(AnyView out);
     void run_uncounted(AnyView out);
     void compute_region(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
@@ -117,6 +118,7 @@ private:
         std::int64_t begin, end;
     };
     std::optional<Slices> counted_; ///< in remarks, if others compute the rest
+    Slices seen_{0, 0};             ///< counted already: several passes over a volume count once
 };
 
 } // namespace vkt

@@ -154,20 +154,35 @@ void OperationSource::run_in_pieces(AnyView out) {
 }
 
 void OperationSource::run(AnyView out) {
-    auto const compute = [this](AnyView region) {
-        operation_.computed += region.box.voxels();
-        compute_region(region);
-    };
-    if (!counted_) return compute(out);
-    auto const slices = [&](std::int64_t begin, std::int64_t end) {
+    auto const slices = [&out](std::int64_t begin, std::int64_t end) {
         Box box = out.box;
         box.lower.z = std::clamp(begin, out.box.lower.z, out.box.upper.z);
         box.upper.z = std::clamp(end, box.lower.z, out.box.upper.z);
         return out.part(box);
     };
-    run_uncounted(slices(out.box.lower.z, counted_->begin));
-    compute(slices(std::max(out.box.lower.z, counted_->begin), counted_->end));
-    run_uncounted(slices(std::max(counted_->begin, counted_->end), out.box.upper.z));
+    Slices const count = counted_.value_or(Slices{out.box.lower.z, out.box.upper.z});
+    Slices const all{out.box.lower.z, out.box.upper.z};
+    std::int64_t const begin = std::max(count.begin, all.begin), end = std::min(std::max(count.end, begin), all.end);
+    run_uncounted(slices(all.begin, begin));
+    bool const met = seen_.begin < end && begin < seen_.end;
+    run_counted(slices(begin, met ? seen_.begin : end));
+    if (met) {
+        run_uncounted(slices(std::max(begin, seen_.begin), std::min(end, seen_.end)));
+        run_counted(slices(std::max(begin, seen_.end), end));
+    }
+    run_uncounted(slices(end, all.end));
+    Index3 const n = plan_.output.dims;
+    bool const whole = out.box.lower.x == 0 && out.box.lower.y == 0 && out.box.upper.x == n.x && out.box.upper.y == n.y;
+    if (!whole || begin >= end) return;
+    if (seen_.begin == seen_.end)
+        seen_ = {begin, end};
+    else if (begin <= seen_.end && end >= seen_.begin)
+        seen_ = {std::min(seen_.begin, begin), std::max(seen_.end, end)};
+}
+
+void OperationSource::run_counted(AnyView out) {
+    operation_.computed += out.box.voxels();
+    compute_region(out);
 }
 
 void OperationSource::run_uncounted(AnyView out) {

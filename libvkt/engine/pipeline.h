@@ -72,6 +72,8 @@ bool only_planned(Operation& reduction, Measurement& of);
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
 /// its own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
 std::string input_placeholder(std::size_t i, bool explicit_word);
+/// The same stage with other inputs than its words were made for: patterns, say, name several files.
+StageInfo with_inputs(StageInfo info, std::vector<std::string> names);
 /// The history step of a stage: its words with the placeholders replaced, and the histories of its inputs.
 History history_step(StageInfo const& info, std::vector<Header> const& inputs);
 /// The same for Header::planned, out of those of the inputs; none unless they are only planned.

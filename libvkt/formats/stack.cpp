@@ -120,9 +120,7 @@ public:
         if (headers_.size() <= most_histories) {
             whole.history = folded(history_step(info, headers_));
         } else {
-            whole.history = History{{"stack"}, {}};
-            for (auto const& name : info.input_names) whole.history->command.push_back(name);
-            whole.history = folded(*whole.history);
+            whole.history = folded(history_step(info, std::vector<Header>(info.input_names.size())));
         }
         return whole;
     }
@@ -330,7 +328,9 @@ public:
     bool next_volume() override {
         if (!inner().next_volume()) return false;
         header_ = inner().header();
-        if (!info_.words.empty()) header_.history = folded(history_step(info_, {inner().header()}));
+        // The files are named, whatever is known of their past.
+        if (!info_.words.empty())
+            header_.history = folded(history_step(info_, std::vector<Header>(info_.input_names.size())));
         return true;
     }
     Header const& header() const override { return header_; }

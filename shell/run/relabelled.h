@@ -116,4 +116,19 @@ private:
     std::vector<std::string> words_;
 };
 
+/// Whose losses are errors, before anybody takes what came of them for whole.
+class StrictSource : public SourceDecorator {
+public:
+    StrictSource(std::unique_ptr<Source> source, std::function<void()> refuse)
+        : SourceDecorator(std::move(source)), refuse_(std::move(refuse)) {}
+
+    void finish() override {
+        inner().finish();
+        refuse_();
+    }
+
+private:
+    std::function<void()> refuse_;
+};
+
 } // namespace vkt::shell

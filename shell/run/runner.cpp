@@ -325,8 +325,13 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         // Sources may open more files as long as they live.
         contexts_.push_back(std::make_unique<StageContext>(*this, stage, execution, std::move(previous)));
         source = stage.opener()->open(*contexts_.back());
-        if (!stage.common().no_history)
-            source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
+        if (!stage.common().no_history) {
+            StageInfo named;
+            named.words = stage.history_words();
+            named.input_names = stage.inputs();
+            std::vector<Header> const files(named.input_names.size());
+            source = std::make_unique<WithHistory>(std::move(source), history_step(named, files).command);
+        }
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         // Of stacks, bricks and the like no line is made again.
         source = std::make_unique<WithPlannedStep>(
@@ -347,6 +352,8 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
     }
     if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
     if (!stage.label().empty()) source = std::make_unique<StageSource>(std::move(source), stage.label());
+    if (stage.common().strict || last_.common().strict)
+        source = std::make_unique<StrictSource>(std::move(source), [this] { refuse_lossy(); });
     return source;
 }
 

@@ -169,6 +169,9 @@ void Runner::drain_all(Source& source, Sink& sink) {
         refuse_lossy();
         tell_held_remarks();
     }
+    // Parts of a volume come as volumes, whose stages end with the last.
+    refuse_lossy();
+    tell_held_remarks();
     for (auto const& write : late_reports_) write();
     sink.close();
     tell_prediction();

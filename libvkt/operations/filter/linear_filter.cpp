@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace vkt {
 
@@ -167,6 +168,8 @@ LinearFilter::Weights LinearFilter::weights_on(Header const& in, Index3 cell_wid
         else
             same->weight += tap.weight;
     }
+    // In the order of a box, which kernels take for one if nothing is missing.
+    std::ranges::sort(merged, {}, [](Tap const& tap) { return std::tuple(tap.at.z, tap.at.y, tap.at.x); });
     result.dense.taps = std::move(merged);
     return result;
 }

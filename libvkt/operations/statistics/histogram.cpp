@@ -189,6 +189,8 @@ void Histogram::parameters(Parameters& p) {
 void Histogram::check() const {
     if (bin_count_ < 1 || bin_count_ > Bins::most)
         throw Error(ErrorKind::usage, text("--bins ", bin_count_, " is not between 1 and ", Bins::most));
+    if (!merged.empty() && (!roi.empty() || bin_count_ != usual_bins || !(range_ == minmax())))
+        throw Error(ErrorKind::usage, "--merge reads no volume: --bins, --range and --roi were for the parts");
     if (mergeable && merged.empty() && range_.depends())
         throw Error(ErrorKind::usage, "--mergeable needs the same range for all parts", "say --range LO:HI");
 }

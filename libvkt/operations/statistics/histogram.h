@@ -81,8 +81,10 @@ private:
     void count(ConstView cells, Execution const& execution);
 
     SteppedRegion stepped_;
-    int bin_count_ = 256;
-    RangeOption range_{{true, Number(0)}, {true, Number(100)}};
+    static constexpr int usual_bins = 256;
+    static RangeOption minmax() { return {{true, Number(0)}, {true, Number(100)}}; }
+    int bin_count_ = usual_bins;
+    RangeOption range_ = minmax();
 
     Header input_;
     LevelRegion region_;
