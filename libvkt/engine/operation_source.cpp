@@ -31,19 +31,6 @@ constexpr double gpu_cost_threshold = 60;
 
 constexpr char placeholder_mark = '\x02';
 
-Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
-    if (execution.device == Device::automatic) {
-        double const work = plan.cost * static_cast<double>(plan.output.voxels());
-        bool const worth_it = operation.runs_on_gpu() && plan.cost >= gpu_cost_threshold && work > 1e10;
-        execution.device = worth_it && gpu_count() > 0 ? Device::gpu : Device::cpu;
-    }
-    if (execution.device == Device::gpu && !operation.runs_on_gpu()) {
-        if (execution.only_gpu && !plan.shift) refuse_cpu(text(operation.name(), " as it is asked for here"));
-        execution.device = Device::cpu;
-    }
-    return execution;
-}
-
 bool is_tree(Header const& header) { return header.kind == Kind::hierarchical; }
 bool any_tree(std::vector<Header> const& headers) { return std::ranges::any_of(headers, is_tree); }
 
@@ -55,6 +42,19 @@ void refuse_grids_among(Operation const& operation, std::vector<Header> const& h
 }
 
 } // namespace
+
+Execution on_device(Execution execution, Operation const& operation, Plan const& plan) {
+    if (execution.device == Device::automatic) {
+        double const work = plan.cost * static_cast<double>(plan.output.voxels());
+        bool const worth_it = operation.runs_on_gpu() && plan.cost >= gpu_cost_threshold && work > 1e10;
+        execution.device = worth_it && gpu_count() > 0 ? Device::gpu : Device::cpu;
+    }
+    if (execution.device == Device::gpu && !operation.runs_on_gpu()) {
+        if (execution.only_gpu && !plan.shift) refuse_cpu(text(operation.name(), " as it is asked for here"));
+        execution.device = Device::cpu;
+    }
+    return execution;
+}
 
 std::optional<History> planned_step(StageInfo const& info, std::vector<Header> headers) {
     if (headers.empty() || !headers.front().dry_run || info.words.empty()) return std::nullopt;
@@ -227,7 +227,7 @@ void OperationSource::plan_volume() {
     }
     if (!headers.empty() && plan_.output.kind != headers.front().kind) return change_kind(headers.front());
 
-    execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
+    execution_ = beside_neighbours(on_device(requested_, operation_, plan_), plan_, info_);
     if (!plan_.shift) select_gpu(execution_);
     auto* const prepared = dynamic_cast<Prepared*>(&operation_);
     if (Operation* const first = prepared != nullptr ? prepared->preparation() : nullptr) {

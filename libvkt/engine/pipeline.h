@@ -84,6 +84,10 @@ std::optional<History> planned_step(StageInfo const& info, std::vector<Header> i
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info);
 
+/// Where to run an operation on a structured volume: on the device that was asked for, or, of both, on the one that is
+/// sooner done. Throws Error{usage} if only a GPU may, and cannot.
+Execution on_device(Execution execution, Operation const& operation, Plan const& plan);
+
 /// How to run a plan among other stages: one that memory alone slows down takes its share_of_threads().
 Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info);
 

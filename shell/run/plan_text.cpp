@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/run/plan_text.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
@@ -186,6 +187,10 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
                      : std::string(", streaming");
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", printable(plan.method), "\n");
+    if (operation != nullptr && !is_tree(plan.output) && std::none_of(inputs.begin(), inputs.end(), is_tree) &&
+        gpu_count() > 0)
+        line += text(stage, ":   on the ", on_device(execution, *operation, plan).device == Device::gpu ? "GPU" : "CPU",
+                     "\n");
     if (work && work->threads < execution.threads)
         line += text(stage, ":   ", work->threads, " of ", execution.threads,
                      " threads: the memory has no room for what more would hold\n");

@@ -142,8 +142,10 @@ void Runner::remark(std::string const& message) {
 }
 
 void Runner::lose(std::string const& message) {
-    remark(message);
-    if (last_.common().strict) lossy_ = {last_.label(), message};
+    if (last_.common().strict)
+        lossy_ = {last_.label(), message}; // the error says it
+    else
+        remark(message);
 }
 
 void Runner::tell_held_remarks() {

@@ -601,5 +601,16 @@ if "$vkt" flip x tiny.nrrd --device gpu:99 -o out.nrrd --force 2>reason || ! gre
     echo "FAILED: gpu:99: $(cat reason)"
     failed=$((failed + 1))
 fi
+# What is planned, --explain and a trial say where it runs.
+for where in 'gpu GPU' 'cpu CPU'; do
+    for look in --explain -n; do
+        checked=$((checked + 1))
+        "$vkt" filter gaussian in_float32.nrrd --sigma 2 --device "${where% *}" $look -o out.nrrd --force >reason 2>&1
+        grep -q "on the ${where#* }\$" reason || {
+            echo "FAILED: $look does not say $where: $(cat reason)"
+            failed=$((failed + 1))
+        }
+    done
+done
 echo "$checked commands, $failed failed"
 [ "$failed" -eq 0 ]
