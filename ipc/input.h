@@ -32,7 +32,7 @@ public:
     std::string const& name() const { return bytes_->name(); }
     int descriptor() const { return bytes_->descriptor(); }
     bool is_file() const { return bytes_->seekable(); } ///< nobody writes it any more
-    std::uint64_t taken() const { return taken_; } ///< bytes so far
+    std::uint64_t taken() const { return taken_; }      ///< bytes so far
 
     /// Makes a read that waits in another thread, and every later one, throw Cancelled.
     void cancel() const;

@@ -67,7 +67,9 @@ public:
     Log const& log() const { return log_; }
     void refuse_lossy() const;
     /// Remarks are told once what they are about is there: after an error they would be of nothing.
-    void hold_remark(std::string const& stage, std::string const& message) { held_remarks_.push_back({stage, message}); }
+    void hold_remark(std::string const& stage, std::string const& message) {
+        held_remarks_.push_back({stage, message});
+    }
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
     void predict_reading(Invocation const& stage, Header const& header, std::int64_t parts);
     void predict_writing(Invocation const& stage, Header const& header);
