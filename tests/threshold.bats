@@ -221,3 +221,17 @@ np.array([-1.7e308, 1.7e308], np.float64).tofile('w_2x1x1_float64.raw')"
     vkt resample tree.vkt --method nearest | vkt threshold --above 0.1 --roi 0:16,:,: | vkt diff - tree.nrrd
     run -2 vkt threshold in.nrrd --above 1 --roi 0:24,:,:
 }
+
+@test "how a tree is cut into blocks does not move Otsu's threshold" {
+    vkt make noise --dims 40 36 32 --seed 3 --low 0 --high 1 --dtype float32 -o noise.nrrd
+    vkt transform 'x>12 && x<26 && y<20 && z<21 ? v+1+floor(z/11) : 0' noise.nrrd -o part.nrrd
+    for size in 4 8 16; do
+        vkt refine part.nrrd --tolerance 0 --levels 1 --background 0 --block-size $size | vkt threshold --otsu --report $size.json -o $size.vkt
+        cmp 4.json $size.json
+    done
+    vkt transform 'v > 0 ? v : 0/0' part.nrrd -q | vkt threshold --otsu --report grid.json -o grid.vkt -q
+    cmp grid.json 4.json
+    # Nothing but background is no foreground.
+    vkt arith mul part.nrrd 0 | vkt refine --tolerance 0 --levels 1 --background 0 --block-size 8 | vkt threshold --otsu --report none.json -o none.vkt
+    grep -q '"above": 0' none.json
+}

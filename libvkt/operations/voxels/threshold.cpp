@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/kernels/threshold.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/common/foreground.h"
 #include "libvkt/operations/common/level_region.h"
 #include "libvkt/operations/common/number_range.h"
 #include "libvkt/operations/common/remarks.h"
@@ -9,6 +10,7 @@
 #include "libvkt/operations/voxels/otsu.h"
 
 #include <memory>
+#include <vector>
 
 namespace vkt {
 
@@ -30,7 +32,8 @@ public:
         return {"Make a mask: 1 where the value lies in a range, 0 elsewhere.",
                 "The result is uint8. --above and --below leave out the number itself, --range takes both of its ends. "
                 "--otsu finds the threshold that separates the values best and keeps what is above it; --report tells "
-                "which. Values are physical; NaN is 0."
+                "which. Cells of a hierarchical volume that hold its background do not count there. Values are "
+                "physical; NaN is 0."
                 "\n\n"
                 "Accuracy: Exact: values are compared as they are, integers of 64 bits too.",
                 {{"Bone in a CT", "vkt threshold volume.nrrd --above 100 -o bone.nrrd"},
@@ -84,6 +87,8 @@ public:
         inside_ = {roi, in};
         cuts_ = in.kind == Kind::hierarchical && !(inside_.finest() == box_of(in.dims));
         looks_ = otsu;
+        met_ = false;
+        background_ = in.kind == Kind::hierarchical ? stored_background(in) : std::nullopt;
         voxels_ = in.voxels();
         nan_ = 0;
         scans_again_ = false;
@@ -94,14 +99,20 @@ public:
 
     void scan(ConstView slab, Execution const& execution) override {
         Box const inside = uses_position() ? intersect(slab.box, inside_.box()) : slab.box;
-        if (!inside.empty()) found_->add(slab.part(inside), execution);
+        if (inside.empty()) return;
+        ConstView const part = slab.part(inside);
+        ConstView const cells = background_ ? without_background(part, *background_, foreground_) : part;
+        if (cells.box.empty()) return;
+        found_->add(cells, execution);
+        met_ = true;
     }
 
     void scan_end() override {
-        scans_again_ = found_->end_pass();
+        bool const nothing = background_ && !met_; // and no threshold among that
+        scans_again_ = !nothing && found_->end_pass();
         if (scans_again_) return;
         looks_ = false;
-        Number const stored = found_->threshold();
+        Number const stored = nothing ? Number(*background_) : found_->threshold();
         rule_.low = rule_.map == ValueMap{} ? stored : Number(rule_.map.physical(stored.value));
     }
 
@@ -142,6 +153,9 @@ private:
     bool scans_again_ = false;
     LevelRegion inside_;
     bool looks_ = false, cuts_ = false; ///< for a threshold; its region is not all of a tree
+    std::optional<double> background_;  ///< of a tree: how many cells hold it is how it is cut into bricks
+    std::vector<std::byte> foreground_;
+    bool met_ = false; ///< a cell that does not
     std::int64_t voxels_ = 0, nan_ = 0;
 };
 
