@@ -66,6 +66,15 @@ std::unique_ptr<ipc::StreamSource> source_of(std::string const& bytes) {
     return std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(descriptor, "test"), ipc::StreamOptions{});
 }
 
+/// The same through a pipe, which has room for them.
+std::unique_ptr<ipc::StreamSource> piped_source_of(std::string const& bytes) {
+    int ends[2]{-1, -1};
+    EXPECT_EQ(::pipe(ends), 0);
+    EXPECT_EQ(::write(ends[1], bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+    ::close(ends[1]);
+    return std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(ends[0], "test"), ipc::StreamOptions{});
+}
+
 std::vector<Volume> read_all(std::string const& bytes) {
     auto const source = source_of(bytes);
     std::vector<Volume> volumes;
@@ -139,7 +148,7 @@ TEST(Stream, ErrorFrameCarriesTheOrigin) {
     ipc::StreamSink sink(file.descriptor(), {});
     sink.begin(small_header());
     sink.fail("vkt crop", "it broke");
-    auto const source = source_of(file.contents());
+    auto const source = piped_source_of(file.contents());
     ASSERT_TRUE(source->next_volume());
     try {
         load(*source, {});
@@ -153,7 +162,25 @@ TEST(Stream, ErrorBeforeTheFirstVolume) {
     MemoryFile file;
     ipc::StreamSink sink(file.descriptor(), {});
     sink.fail("vkt read", "no such file");
-    EXPECT_THROW(source_of(file.contents())->next_volume(), UpstreamError);
+    EXPECT_THROW(piped_source_of(file.contents())->next_volume(), UpstreamError);
+}
+
+TEST(Stream, ErrorFrameOfAFileIsSaidByWhoReadsIt) {
+    MemoryFile file;
+    ipc::StreamSink sink(file.descriptor(), {});
+    sink.begin(small_header());
+    sink.fail("vkt crop", "it broke");
+    auto const source = source_of(file.contents());
+    ASSERT_TRUE(source->next_volume());
+    try {
+        load(*source, {});
+        FAIL();
+    } catch (UpstreamError const&) {
+        FAIL() << "nobody else is there to say it";
+    } catch (Error const& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::data);
+        EXPECT_NE(std::string(e.what()).find("vkt crop: it broke"), std::string::npos);
+    }
 }
 
 TEST(Stream, SkipsWhatNobodyExpects) {
