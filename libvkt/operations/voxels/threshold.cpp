@@ -1,6 +1,7 @@
 // Threshold: 1 where the value lies in a range, 0 elsewhere.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/kernels/threshold.h"
+#include "libvkt/amr/tree.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/common/foreground.h"
 #include "libvkt/operations/common/level_region.h"
