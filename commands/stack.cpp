@@ -30,8 +30,7 @@ public:
             auto const open = [&context](std::string const& first, ReadOptions const& together) {
                 return context.open(first, together);
             };
-            if (auto source =
-                    stacked_dicom(files, open, variable_, force_uniform_, with_inputs(context.stage_info(), paths_)))
+            if (auto source = stacked_dicom(files, open, variable_, force_uniform_, context.stage_info()))
                 return source;
         }
         if (!variable_.empty())

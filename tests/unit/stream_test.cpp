@@ -143,12 +143,17 @@ TEST(Stream, WithoutChecksumsLengthsStillCount) {
     EXPECT_THROW(read_all(whole.substr(0, whole.size() - 60)), Error);
 }
 
-TEST(Stream, ErrorFrameCarriesTheOrigin) {
+/// Of a command that failed within a volume.
+std::string broken_stream() {
     MemoryFile file;
     ipc::StreamSink sink(file.descriptor(), {});
     sink.begin(small_header());
     sink.fail("vkt crop", "it broke");
-    auto const source = piped_source_of(file.contents());
+    return file.contents();
+}
+
+TEST(Stream, ErrorFrameCarriesTheOrigin) {
+    auto const source = piped_source_of(broken_stream());
     ASSERT_TRUE(source->next_volume());
     try {
         load(*source, {});
@@ -166,11 +171,7 @@ TEST(Stream, ErrorBeforeTheFirstVolume) {
 }
 
 TEST(Stream, ErrorFrameOfAFileIsSaidByWhoReadsIt) {
-    MemoryFile file;
-    ipc::StreamSink sink(file.descriptor(), {});
-    sink.begin(small_header());
-    sink.fail("vkt crop", "it broke");
-    auto const source = source_of(file.contents());
+    auto const source = source_of(broken_stream());
     ASSERT_TRUE(source->next_volume());
     try {
         load(*source, {});
