@@ -230,3 +230,17 @@ EOF2
     vkt pipe 'read v.nrrd | convert - f.mha'
     cmp f.mha a.mha || vkt diff --geometry f.mha a.mha
 }
+
+@test "how a tree is cut into blocks does not move the range that percentiles and extremes give" {
+    vkt make noise --dims 40 36 32 --seed 3 --low 0 --high 1 --dtype float32 -o noise.nrrd
+    vkt transform 'x>12 && x<26 && y<20 && z<21 ? v+1+floor(z/11) : 0' noise.nrrd -o part.nrrd
+    map() { vkt refine part.nrrd --tolerance 0 --levels 1 --background 0 --block-size "$1" | vkt convert -q --dtype uint8 --range "$2" | vkt info --json | grep -E '"(slope|intercept)"'; }
+    for range in minmax p1:p99 p0:p90; do
+        [ "$(map 4 $range)" = "$(map 16 $range)" ]
+    done
+    # Percentiles are those of the foreground; holes keep their value where the extremes are mapped.
+    [ "$(map 8 p1:p99)" = "$(vkt transform 'v > 0 ? v : 0/0' part.nrrd -q | vkt convert -q --dtype uint8 --range p1:p99 | vkt info --json | grep -E '"(slope|intercept)"')" ]
+    vkt transform 'x>12 && x<26 && y<20 && z<21 ? v : -1' part.nrrd | vkt refine --tolerance 0 --levels 1 --background -1 --block-size 1 |
+        vkt convert --dtype uint8 --range minmax 2>&1 >bytes.vkt | cmp - /dev/null
+    vkt info bytes.vkt --json | grep '"intercept": -1.0,'
+}

@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/voxels/convert.h"
 
+#include "libvkt/amr/cells.h"
+#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/common/foreground.h"
 #include "libvkt/operations/common/kernels/convert.h"
 
 #include <cmath>
@@ -29,7 +32,9 @@ Texts Convert::texts() const {
         "Values are kept, rounded half to even and clipped to what the type holds. With --range the values in the "
         "range are spread over the "
         "whole type (0 to 1 for floats), and the header's slope and intercept are set so that physical values stay "
-        "what they were. What is lost is counted and reported. --dtype auto chooses the smallest type that changes no "
+        "what they were. Percentiles of a hierarchical volume leave out the cells of its background, minmax takes it "
+        "in. "
+        "What is lost is counted and reported. --dtype auto chooses the smallest type that changes no "
         "physical value by more than --tolerance, if need be with a slope and intercept, after a look at all voxels. "
         "Without --dtype and --range voxels stay as they are."
         "\n\n"
@@ -170,6 +175,16 @@ void Convert::begin(std::span<Header const> inputs, Plan const&) {
     cuts_ = input_.kind == Kind::hierarchical && !(region_.finest() == box_of(input_.dims));
     looks_ = range->depends();
     if (!range->depends()) map_ = map_for(input_, scan_->low(), scan_->high());
+    background_ = looks_ && input_.kind == Kind::hierarchical ? stored_background(input_) : std::nullopt;
+    if (background_ && !range->percentiles()) scan_background();
+}
+
+/// Holes have it, whether or not a brick does.
+void Convert::scan_background() {
+    with_type(input_.dtype, [&]<class T>(T) {
+        T const cell = store_cell<T>(*background_);
+        scan_->scan(dense_view(reinterpret_cast<std::byte const*>(&cell), input_.dtype, box_of({1, 1, 1})), {});
+    });
 }
 
 void Convert::after_scan(Plan& plan) const {
@@ -186,7 +201,11 @@ void Convert::after_scan(Plan& plan) const {
 void Convert::scan(ConstView slab, Execution const& execution) {
     if (!smallest()) {
         Box const box = uses_position() ? intersect(slab.box, region_.box()) : slab.box;
-        if (!box.empty()) scan_->scan(slab.part(box), execution);
+        if (box.empty()) return;
+        ConstView const part = slab.part(box);
+        bool const counts = background_ && range->percentiles(); // how many cells hold it is how bricks are cut
+        ConstView const cells = counts ? without_background(part, *background_, foreground_) : part;
+        if (!cells.box.empty()) scan_->scan(cells, execution);
         return;
     }
     TypeFit found;

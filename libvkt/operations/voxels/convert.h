@@ -87,6 +87,7 @@ private:
     double last_of(DataType type) const;
     Map map_for(Header const& in, StoredValue low, StoredValue high) const;
     TypeFit fit_of_background(Header const& in) const;
+    void scan_background();
     Plan plan_smallest(Header const& in) const;
     std::string storage_text() const;
 
@@ -97,9 +98,11 @@ private:
     std::optional<RangeScan> scan_;
     LevelRegion region_;                ///< of which the range is looked for
     bool looks_ = false, cuts_ = false; ///< for a range; its region is not all of a tree
-    TypeFit fit_;                       ///< for the smallest type
-    std::optional<Storage> storage_;    ///< once it is known
-    bool maps_ = false;                 ///< a range, or what became of the smallest type
+    std::optional<double> background_;  ///< of a tree whose range is looked for
+    std::vector<std::byte> foreground_;
+    TypeFit fit_;                    ///< for the smallest type
+    std::optional<Storage> storage_; ///< once it is known
+    bool maps_ = false;              ///< a range, or what became of the smallest type
     Losses counts_;
     bool copies_ = false;
 };
