@@ -178,3 +178,18 @@ assert error["kind"] == "bound" and 0 < error["at_most"] <= float(sys.argv[1]), 
     fails_with 2 "leave out --no-history" bash -c 'vkt read v.nrrd -n 2>/dev/null | vkt flip x --no-history --budget 1'
     fails_with 2 "not a finite number" bash -c 'vkt read v.nrrd -n 2>/dev/null | vkt flip x --budget inf'
 }
+
+@test "a dry run refuses the name of the output as the run would" {
+    cp v.nrrd taken.nrrd
+    refused_and_foretold 4 "taken.nrrd" vkt flip x v.nrrd -o taken.nrrd
+    [[ "$stderr" == *"method mirrored copy"* ]]
+    refused_and_foretold 4 "missing" vkt flip x v.nrrd -o missing/out.nrrd
+    refused_and_foretold 4 "taken.nrrd" vkt pipe 'read v.nrrd | flip x | write taken.nrrd'
+    vkt flip x v.nrrd -o taken.nrrd --force -n
+    vkt flip x v.nrrd -o free.nrrd -n
+    cmp v.nrrd taken.nrrd
+    [ ! -e free.nrrd ]
+    # Directories and parts of files are their writers' matter.
+    vkt flip x v.nrrd -o a.zarr
+    vkt flip x v.nrrd -o a.zarr --force -n
+}

@@ -18,7 +18,7 @@ setup_more() { vkt make ramp --dims 9 7 5 --dtype uint8 -o ramp.nrrd; }
 
 @test "a region is needed and must lie inside" {
     fails_with 2 'no range is given' vkt fill-range ramp.nrrd --value 1 -o out.nrrd
-    fails_with 2 '' vkt fill-range ramp.nrrd --value 1 --first 0 0 0 --last 10 7 5 -o out.nrrd
+    fails_with 2 '--first, --last 0:10 leaves the volume' vkt fill-range ramp.nrrd --value 1 --first 0 0 0 --last 10 7 5 -o out.nrrd
     fails_with 2 '' vkt fill-range ramp.nrrd --value 1 --first 3 0 0 --last 3 7 5 -o out.nrrd
     [ ! -e out.nrrd ]
 }

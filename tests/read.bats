@@ -252,6 +252,17 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     vkt read pair.raw --dims 9 8 7 --dtype uint8 | vkt diff - pair.mhd
 }
 
+@test "what lies where a file should be is said: pointers of version control, pages of the web" {
+    printf 'version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 5\n' >scan.nrrd
+    fails_with 3 "'scan.nrrd' is a pointer of Git LFS, not the file itself" vkt info scan.nrrd
+    printf '/annex/objects/MD5E-s5--0123.nii.gz\n' >scan.nii
+    fails_with 3 "is a pointer of git-annex" vkt read scan.nii -o a.vkt
+    for name in page.nrrd page.mha page.tif page.vti page.dcm page; do
+        printf '<!DOCTYPE html>\n<html><body>404</body></html>\n' >$name
+        fails_with 3 "is a page of the web" vkt info $name
+    done
+}
+
 @test "files of formats that are not read are named by what they are" {
     printf 'GIF8900000000' >a.bin
     fails_with 3 "'a.bin' is a GIF picture, a format that vkt does not read" vkt read a.bin -o a.vkt
@@ -263,6 +274,16 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     fails_with 3 "is a NetCDF file" vkt info d.bin
     printf '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">' >e.bin
     fails_with 3 "is a VTK XML file" vkt info e.bin
+    printf '\016\003\023\001aaaaaaaa' >h.bin
+    fails_with 3 "is an HDF4 file" vkt info h.bin
+    printf 'NanoVDB2aaaaaaaa' >h.bin
+    fails_with 3 "is a NanoVDB file" vkt info h.bin
+    printf 'a\n' >member
+    tar -cf t.bin member
+    fails_with 3 "is a tar archive" vkt info t.bin
+    fails_with 3 "unpack it" vkt info t.bin
+    gzip t.bin
+    fails_with 3 "is a tar archive, compressed as a whole" vkt info t.bin.gz
     # What does not say it in its first bytes, by its name, and what makes of it something that is read.
     printf '\000\000\000\001' | gzip >m.mgz
     fails_with 3 "'m.mgz' is a FreeSurfer volume, a format that vkt does not read" vkt info m.mgz

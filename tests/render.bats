@@ -157,6 +157,7 @@ PY
 --domain foo pA:pB
 --domain 3:2 LO:HI
 --domain 5:5 single value
+--domain p50:p50 single value
 --colormap virids did you mean
 --step 5 1/256
 --opacity-scale -1 0 or greater
@@ -167,6 +168,8 @@ EOF
     fails_with 2 "along its up direction" vkt render $f -o a.png --view y --up 0,-2,0
     fails_with 2 "along its up direction" vkt render $f -o a.png --eye 20,2,3 --target 1,2,3 --up 1,0,0
     vkt render $f --size 8 -o b.png --eye 1,2,60 --target 1,2,3 # without --up any will do
+    fails_with 2 "--clip-box 0:99 leaves" vkt render $f -n -o a.png --clip-box 0:99,:,:
+    fails_with 2 "--clip-box '0:1.5,:,:'" vkt render $f -n -o a.png --clip-box 0:1.5,:,:
     fails_with 2 "--span: " vkt render $f -n -o a.png --projection orthographic --span 0
     fails_with 2 "--iso: " vkt render $f -n -o a.png -ra implicit-iso --iso nan
     fails_with 2 "--albedo: " vkt render $f -n -o a.png -ra multi-scattering --albedo 2

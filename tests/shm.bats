@@ -107,7 +107,7 @@ assert info["attributes"]["note"] == "kept" and info["history"]["command"][0] ==
     vkt write volume.nrrd shm:$seg --force
     vkt diff shm:$seg volume.nrrd
     # One that appears meanwhile is kept as well.
-    vkt shm remove $seg
+    vkt shm remove -- $seg
     mkfifo slow
     vkt write slow shm:$seg 2>err 3>&- &
     writer=$!

@@ -181,6 +181,10 @@ std::vector<std::string> read_words(std::vector<std::string> const& words, std::
     std::map<Parameter const*, std::vector<std::string>> values;
     std::vector<std::string> bare;
     for (std::size_t i = 0; i < words.size();) {
+        if (words[i] == "--") { // no options from here on
+            bare.insert(bare.end(), words.begin() + static_cast<std::ptrdiff_t>(i + 1), words.end());
+            break;
+        }
         if (!is_option(words[i])) {
             bare.push_back(words[i++]);
             continue;

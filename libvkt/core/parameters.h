@@ -202,7 +202,7 @@ template <> struct ValueText<DataType> : OneWord {
     static std::vector<std::string> write(DataType v) { return {to_text(v)}; }
 };
 template <> struct ValueText<Roi> : OneWord {
-    static Roi read(std::vector<std::string> const& w, std::string_view) { return {w.front()}; }
+    static Roi read(std::vector<std::string> const& w, std::string_view name) { return {w.front(), std::string(name)}; }
     static std::vector<std::string> write(Roi const& v) { return {v.text}; }
 };
 template <> struct ValueText<WorldRoi> : OneWord {

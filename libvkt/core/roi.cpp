@@ -14,7 +14,7 @@ namespace {
 
 char axis_name(int axis) { return "xyz"[axis]; }
 
-/// One bound: empty, integer, negative from the end, or per cent of the extent.
+/// One bound: empty, integer, negative from the end, or per cent of the extent. What is thrown names no option.
 std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty) {
     if (word.empty()) return if_empty;
     if (word.back() == '%') {
@@ -25,7 +25,7 @@ std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty)
     }
     std::int64_t const value = parse_integer(word);
     if (value > max_roi_extent || value < -max_roi_extent)
-        throw Error(ErrorKind::usage, text("--roi ", word, " is out of range"));
+        throw Error(ErrorKind::usage, text("'", word, "' is out of range"));
     return word.front() == '-' ? n + value : value;
 }
 
@@ -43,7 +43,8 @@ std::int64_t take_step(std::string_view& range) {
     return std::min(step, max_roi_extent);
 }
 
-void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t& lower, std::int64_t& upper) {
+void resolve_axis(std::string const& option, std::string_view range, int axis, std::int64_t n, std::int64_t& lower,
+                  std::int64_t& upper) {
     std::size_t const colon = range.find(':');
     if (colon == std::string_view::npos) {
         if (range.empty()) {
@@ -59,29 +60,28 @@ void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t
         if (!end.empty() && end.front() == '+') {
             std::string_view const size = end.substr(1);
             if (size.starts_with('-') || size.starts_with('+'))
-                throw Error(ErrorKind::usage, text("--roi ", range, ": '", size, "' is not a number of voxels"));
+                throw Error(ErrorKind::usage, text("'", size, "' is not a number of voxels"));
             upper = lower + bound(size, n, 0);
         } else {
             upper = bound(end, n, n);
         }
     }
     if (lower < 0 || upper > n)
-        throw Error(ErrorKind::usage, text("--roi ", lower, ":", upper, " leaves the volume (",
+        throw Error(ErrorKind::usage, text(option, " ", lower, ":", upper, " leaves the volume (",
                                            std::string(1, axis_name(axis)), " has ", n, " voxels)"));
     if (upper <= lower)
         throw Error(ErrorKind::usage,
-                    text("--roi ", lower, ":", upper, " is empty along ", std::string(1, axis_name(axis))),
+                    text(option, " ", lower, ":", upper, " is empty along ", std::string(1, axis_name(axis))),
                     "ranges are half-open: 3:4 is one voxel");
 }
 
 /// What a part of a region is refused for names the option and all of its word.
-template <class Read> auto in_name_of(char const* option, std::string const& region, Read const& read) {
+template <class Read> auto in_name_of(std::string const& option, std::string const& region, Read const& read) {
     try {
         return read();
     } catch (Error const& error) {
         if (std::string_view(error.what()).starts_with("--")) throw;
-        bool const fine =
-            option == std::string_view("--roi") && std::string_view(error.what()).find(".") != std::string_view::npos;
+        bool const fine = option == "--roi" && std::string_view(error.what()).find(".") != std::string_view::npos;
         throw Error(error.kind(), text(option, " '", region, "': ", error.what()),
                     !error.hint().empty() ? error.hint()
                     : fine ? "ends between voxels are for grids, and vkt resample, rotate, scale and affine"
@@ -130,7 +130,7 @@ bool Roi::has_steps() const {
 Box Roi::resolve(Index3 dims) const {
     SteppedBox const region = resolve_steps(dims);
     if (!region.dense())
-        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "': a region with steps is no box"),
+        throw Error(ErrorKind::usage, vkt::text(option, " '", text, "': a region with steps is no box"),
                     "take every n-th voxel of a grid first: vkt crop --roi ::2,::2,:");
     return region.box;
 }
@@ -139,15 +139,15 @@ SteppedBox Roi::resolve_steps(Index3 dims) const {
     if (text.empty()) return {box_of(dims)};
     auto const ranges = split(text, ',');
     if (ranges.size() != 3)
-        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"),
+        throw Error(ErrorKind::usage, vkt::text(option, " '", text, "' does not name three ranges"),
                     "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
     SteppedBox region;
     Box& box = region.box;
     for (int axis = 0; axis < 3; ++axis)
-        in_name_of("--roi", text, [&] {
+        in_name_of(option, text, [&] {
             std::string_view range = ranges[static_cast<std::size_t>(axis)];
             region.step[axis] = take_step(range);
-            resolve_axis(range, axis, dims[axis], box.lower[axis], box.upper[axis]);
+            resolve_axis(option, range, axis, dims[axis], box.lower[axis], box.upper[axis]);
         });
     box = region.source(box_of(region.dims())); // nothing behind the last voxel
     return region;
@@ -193,7 +193,7 @@ Roi roi_of(Index3 first, Index3 last) {
         if (first[axis] < 0 || last[axis] <= first[axis])
             throw Error(ErrorKind::usage, text("--first ", first, " --last ", last, " is no region"),
                         "--first lies in the volume, --last beyond it along every axis");
-    return {to_text(Box{first, last})};
+    return {to_text(Box{first, last}), "--first, --last"};
 }
 
 } // namespace vkt

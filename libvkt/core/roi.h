@@ -32,6 +32,7 @@ std::string to_text(SteppedBox const& region); ///< "x0:x1:s,y0:y1,z0:z1", steps
 /// NumPy has it.
 struct Roi {
     std::string text;
+    std::string option = "--roi"; ///< where it was given, for errors
     bool empty() const { return text.empty(); }
     bool has_steps() const; ///< a range has a second colon
     /// The box in a volume of these dims. Throws Error{usage} if it is malformed, empty, or leaves the volume, or has

@@ -40,7 +40,20 @@ constexpr Signature signatures[] = {
     {0, "CDF\x05"sv, "a NetCDF file of version 3"},
     {0, "MATLAB 5.0 MAT-file"sv, "a MATLAB file before 7.3"},
     {0, "SIMPLE  ="sv, "a FITS file"},
+    {0, "\x0e\x03\x13\x01"sv, "an HDF4 file"},
+    {0, "NanoVDB"sv, "a NanoVDB file"},
+    {0, "# AmiraMesh"sv, "an Amira mesh"},
+    {0, "# Avizo"sv, "an Amira mesh"},
+    {0, "ZISRAWFILE"sv, "a Zeiss image"},
+    {0, "\xda\xce\xbe\x0a"sv, "a Nikon image"},
+    {0, "ply\n"sv, "a mesh (PLY)"},
+    {0, "ply\r\n"sv, "a mesh (PLY)"},
+    {0, "8BPS"sv, "a Photoshop picture"},
     {0, "PK\x03\x04"sv, "a ZIP archive"},
+    {257, "ustar"sv, "a tar archive"},
+    {0, "7z\xbc\xaf\x27\x1c"sv, "a 7-Zip archive"},
+    {0, "Rar!\x1a\x07"sv, "a RAR archive"},
+    {0, "\x04\x22\x4d\x18"sv, "an LZ4 file"},
     {0, "BZh"sv, "a bzip2 file"},
     {0, "\x28\xb5\x2f\xfd"sv, "a Zstandard file"},
     {0,
@@ -125,6 +138,18 @@ std::string foreign_format(std::span<std::byte const> head) {
     }
     if (is_bitmap(head)) return "a BMP picture";
     if (is_text(head)) return "plain text";
+    return {};
+}
+
+ForeignName stand_in(std::span<std::byte const> head) {
+    if (is_at(head, 0, "version https://git-lfs.github.com/spec/"sv))
+        return {"a pointer of Git LFS, not the file itself", "git lfs pull fetches it"};
+    if (is_at(head, 0, "/annex/objects/"sv))
+        return {"a pointer of git-annex, not the file itself", "git annex get fetches it"};
+    std::string const begin =
+        lower_case(std::string(reinterpret_cast<char const*>(head.data()), std::min<std::size_t>(head.size(), 15)));
+    if (begin.starts_with("<!doctype html") || begin.starts_with("<html"))
+        return {"a page of the web, perhaps what a server said instead of sending the file", "fetch it once more"};
     return {};
 }
 

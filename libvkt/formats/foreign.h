@@ -19,6 +19,9 @@ struct ForeignName {
 };
 ForeignName foreign_name(std::string const& path);
 
+/// What lies where a file should be: "a pointer of Git LFS, not the file itself", and what to do. Empty for others.
+ForeignName stand_in(std::span<std::byte const> head);
+
 /// The name of a picture in a format that vkt does not write: "scan.jpg".
 bool names_foreign_picture(std::string const& path);
 

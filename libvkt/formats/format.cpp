@@ -185,6 +185,8 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         if (candidate.open && candidate.recognise && candidate.recognise(head) &&
             (candidate.name != "flash" || is_flash(bytes)))
             return candidate;
+    if (auto const [what, how] = stand_in(head); !what.empty())
+        throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what), std::string(how));
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));

@@ -272,7 +272,9 @@ Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
         return histogram.percentile(p / 100);
     };
     Domain domain{text_of, read(parts[0]), read(parts[1])};
-    if (is_number(parts[0]) && is_number(parts[1]) && domain.lower == domain.upper)
+    // Two percentiles may meet; what is written is no range if it names one of them twice.
+    bool const numbers = is_number(parts[0]) && is_number(parts[1]);
+    if (parts[0] == parts[1] || (numbers && domain.lower == domain.upper))
         throw Error(ErrorKind::usage, text("--domain '", text_of, "' holds a single value"),
                     "give LO:HI with LO below HI; --opacity VALUE:A,VALUE:A places opacities at values");
     if (domain.lower > domain.upper)

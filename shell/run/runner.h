@@ -115,6 +115,8 @@ private:
     void tell_seconds(Invocation const& stage, std::string const& what, double seconds);
     void tell_unpredicted(Invocation const& stage);
     void tell_prediction() const;
+    /// Refuses the name of the output as writing would; of parts of files and of directories only their writers know.
+    void foretell_output() const;
     void remark(std::string const& message);
     void tell_held_remarks();
     void lose(std::string const& message); ///< of what the output's format does not hold

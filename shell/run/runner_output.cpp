@@ -8,6 +8,8 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/io/byte_source.h"
+#include "libvkt/io/output_file.h"
 #include "libvkt/io/shared_memory.h"
 #include "shell/run/stage_error.h"
 #include "shell/run/timing.h"
@@ -15,6 +17,8 @@
 #include "shell/viewer/viewer.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
 
@@ -190,6 +194,15 @@ void Runner::tell_transport() const {
     log_.detail(last_.stage(), "voxels left through " + where);
 }
 
+void Runner::foretell_output() const {
+    Common const& c = last_.common();
+    std::string const path = numbered_path(c.output, 0);
+    std::error_code failed;
+    bool const file = path != "-" && !is_segment(path) && file_part(path).part.empty() &&
+                      !std::filesystem::is_directory(path, failed);
+    if (file && last_.opener() == nullptr) in_stage(last_.label(), [&] { check_output(path, c.force); });
+}
+
 int Runner::drain(std::unique_ptr<Source> source) {
     if (dry_run_ && (last_.common().output != "-" || output_is_terminal())) {
         while (source->next_volume()) {
@@ -197,6 +210,7 @@ int Runner::drain(std::unique_ptr<Source> source) {
             source->finish();
         }
         tell_prediction();
+        foretell_output();
         return 0;
     }
     bool const last_in_line = last_.common().output != "-" || !ipc::is_pipe(STDOUT_FILENO);

@@ -306,7 +306,7 @@ std::string clip_text(Shares const& shares, Index3 dims) {
 Shares clip_shares(std::string const& clip, Index3 dims) {
     Shares shares{{{0, 1}, {0, 1}, {0, 1}}};
     if (clip.empty()) return shares;
-    Box const box = Roi{clip}.resolve(dims);
+    Box const box = Roi{clip, "--clip-box"}.resolve(dims);
     for (int axis = 0; axis < 3; ++axis)
         shares[static_cast<std::size_t>(axis)] = {
             static_cast<double>(box.lower[axis]) / static_cast<double>(dims[axis]),
