@@ -57,6 +57,7 @@ public:
                render::bytes_of_picture(settings, header, picture_options(output));
     }
     std::vector<std::string> explain(Header const& header, std::string const& output) const override {
+        static_cast<void>(settings().clip.resolve(header.dims)); // or it is refused, as drawing will
         auto lines = render::explanation(settings(), header, picture_options(output));
         if (is_numbered(output) && options_.depends_on_data())
             lines.emplace_back("colours, opacities and surfaces that are chosen from the data are those of the first "
