@@ -83,7 +83,8 @@ private:
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
             auto const told = std::make_shared<std::string>(); // of many files one line
-            auto const create = [this, &context, told](std::string const& path, std::int64_t files) {
+            auto const create = [this, &context, told](std::string const& path, std::int64_t files,
+                                                       std::shared_ptr<HeldFiles> const& held) {
                 Execution const& execution = context.execution();
                 WriteOptions options = request_.options();
                 options.notice = [&context, told](std::string const& message) {
@@ -95,9 +96,10 @@ private:
                 options.memory = execution.memory;
                 options.threads = execution.threads;
                 options.files = files;
+                options.held = held;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
-            if (!is_numbered(out())) return create(numbered_path(out(), 0), 1);
+            if (!is_numbered(out())) return create(numbered_path(out(), 0), 1, nullptr);
             return numbered_sink(out(), holds_slices(out(), request_.options().format), create);
         }
         ipc::StreamOptions stream_options;

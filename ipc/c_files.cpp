@@ -71,12 +71,13 @@ History ReadWords::step(std::string const& path, std::int64_t volume) const {
 std::unique_ptr<Sink> file_sink(std::string const& path, WriteOptions options, Execution const& execution) {
     options.memory = execution.memory;
     options.threads = execution.threads;
-    auto const create = [options](std::string const& one, std::int64_t files) {
+    auto const create = [options](std::string const& one, std::int64_t files, std::shared_ptr<HeldFiles> const& held) {
         WriteOptions own = options;
         own.files = files;
+        own.held = held;
         return is_stream_file(one, own.format) ? create_stream_file(one, own.force, true) : create_volume(one, own);
     };
-    if (!is_numbered(path)) return create(path, 1);
+    if (!is_numbered(path)) return create(path, 1, nullptr);
     return numbered_sink(path, holds_slices(path, options.format), create);
 }
 

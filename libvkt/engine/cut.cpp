@@ -5,6 +5,7 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/line_passes.h"
+#include "libvkt/engine/window.h"
 
 namespace vkt {
 namespace {
@@ -135,7 +136,10 @@ private:
     }
     std::size_t wanted(std::size_t i, Box const& box) const {
         Box const footprint = operation_.footprint(box, static_cast<int>(i));
-        return footprint.empty() ? 0 : static_cast<std::size_t>(footprint.voxels()) * size_of(inputs_[i].dtype);
+        if (footprint.empty()) return 0;
+        WindowRule rule{.volume_dims = inputs_[i].dims, .boundary = plan_.boundary};
+        if (plan_.access == Access::forward) rule.expect(operation_.footprint(box_of(dims()), static_cast<int>(i)));
+        return static_cast<std::size_t>(rule.with_mirrored(footprint).voxels()) * size_of(inputs_[i].dtype);
     }
 
     Operation& operation_;

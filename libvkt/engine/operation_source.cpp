@@ -273,7 +273,9 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
     work_ = work_plan(operation_, plan_, headers, lent, spooled, execution_);
     execution_.threads = work_.threads;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
-        WindowRule const rule{headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value, work_.window[i]};
+        WindowRule rule{headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value, work_.window[i]};
+        if (plan_.access == Access::forward)
+            rule.expect(operation_.footprint(box_of(plan_.output.dims), static_cast<int>(i)));
         inputs_[i]->window.reset(rule);
         if (spool[i])
             inputs_[i]->spool(lent[i] ? in_memory : 0, execution_, info_);

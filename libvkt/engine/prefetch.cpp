@@ -10,6 +10,7 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -32,6 +33,8 @@ public:
         stop();
         return inner().next_volume();
     }
+    /// Reading starts when the first voxels are asked for: what was read ahead is lost if another region is expected,
+    /// and a source that only goes forward cannot read it again.
     void expect(Box const& region) override {
         stop();
         inner().expect(region);
@@ -41,8 +44,8 @@ public:
         part.dims.x = region.dims().x;
         part.dims.y = region.dims().y;
         cut_ = cut_of(part, slab_hint_on(execution_, part, 0), execution_);
-        if (region.dims().z <= cut_.slices && region.dims().y <= cut_.rows) return; // one read is all there is
-        start();
+        served_z_ = region_.lower.z;
+        expects_ = region.dims().z > cut_.slices || region.dims().y > cut_.rows; // else one read is all there is
     }
     std::int64_t natural_slab() const override { return inner().natural_slab(); }
 
@@ -83,8 +86,9 @@ private:
 
     /// The slab that holds the first row of a region and its columns, waiting for it; null if it will not come.
     Slab const* slab_with(Box const& region) {
-        if (!thread_.joinable() || region.lower.z > served_z_ + cut_.slices)
-            return nullptr; // a jump: not worth reading up to it
+        if (region.lower.z > served_z_ + cut_.slices) return nullptr; // a jump: not worth reading up to it
+        if (std::exchange(expects_, false)) start();
+        if (!thread_.joinable()) return nullptr;
         std::unique_lock lock(mutex_);
         while (true) {
             while (!ready_.empty() && is_passed(ready_.front().box, region)) {
@@ -107,7 +111,6 @@ private:
     }
 
     void start() {
-        served_z_ = region_.lower.z;
         complete_ = cancel_ = false;
         failure_ = nullptr;
         thread_ = std::thread([this] {
@@ -146,6 +149,7 @@ private:
     }
 
     void stop() {
+        expects_ = false;
         if (!thread_.joinable()) return;
         {
             std::lock_guard const lock(mutex_);
@@ -167,6 +171,7 @@ private:
     std::mutex mutex_;
     std::condition_variable changed_;
     std::deque<Slab> ready_, spare_;
+    bool expects_ = false; ///< a region that is read ahead once it is asked for
     bool complete_ = false, cancel_ = false;
     std::exception_ptr failure_;
 };

@@ -71,7 +71,7 @@ Box Window::with_fold_sources(Box region) const {
 }
 
 ConstView Window::fetch(Source& source, Box const& asked, Execution const& execution) {
-    Box const region = with_fold_sources(asked);
+    Box const region = rule_.with_mirrored(with_fold_sources(asked));
     Box kept{};
     bool const same_columns = held_.lower.x == region.lower.x && held_.upper.x == region.upper.x &&
                               held_.lower.y == region.lower.y && held_.upper.y == region.upper.y;

@@ -6,6 +6,8 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/source.h"
 
+#include <algorithm>
+
 namespace vkt {
 
 /// Reads to.box of a source to `to`, whichever of them lies on a GPU; `staging` is for what cannot go there directly.
@@ -18,6 +20,24 @@ struct WindowRule {
     Boundary boundary = Boundary::clamp;
     double border_value = 0;
     std::size_t most_bytes = 0; ///< of the largest region that will be asked for, if that is known
+    /// Slices before the first that the first region reaches, and beyond the last that the last one does. Those of the
+    /// volume that stand for them are kept.
+    std::int64_t slices_below = 0, slices_above = 0;
+
+    /// `footprint`: of the whole output.
+    void expect(Box const& footprint) {
+        slices_below = std::max<std::int64_t>(-footprint.lower.z, 0);
+        slices_above = std::max<std::int64_t>(footprint.upper.z - volume_dims.z, 0);
+    }
+    /// A region with the slices that it or later ones mirror, which a source that only goes forward would not give
+    /// again.
+    Box with_mirrored(Box region) const {
+        if (boundary != Boundary::mirror) return region;
+        if (slices_below > 0) region.upper.z = std::max(region.upper.z, std::min(volume_dims.z, slices_below));
+        if (slices_above > 0)
+            region.lower.z = std::min(region.lower.z, std::max<std::int64_t>(volume_dims.z - slices_above, 0));
+        return region;
+    }
 };
 
 /// Regions that reach outside the volume are filled by the boundary rule here and nowhere else: kernels test no border.

@@ -50,12 +50,16 @@ struct ZarrLayout {
     std::optional<ChunkCodec> codec;
 };
 
+using HeldFiles = std::vector<std::unique_ptr<OutputFile>>;
+
 struct WriteOptions {
     std::string format;    ///< forces a format by name; empty: by the file's extension
     bool force = false;    ///< overwrite an existing file
     bool one_file = false; ///< DICOM: a file whatever it is called, as the temporary one of NAME.dcm.gz is
     bool compress = false;
     std::int64_t files = 1; ///< slices in files of their own: this one and those to come
+    /// Where a slice's file, once it is whole, waits for the others of its volume; whoever gave this commits them.
+    std::shared_ptr<HeldFiles> held{};
     /// Sparse formats: voxels of this stored value are not kept; by default what the volume names as its background, or
     /// 0.
     std::optional<double> background{};

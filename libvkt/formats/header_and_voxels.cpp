@@ -78,12 +78,11 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) {
     if (format_.type_name(header.dtype).empty())
         throw Error(ErrorKind::usage, text(format_.name, " cannot hold ", header.dtype),
                     "convert first: vkt convert --dtype float32");
-    if (volumes_ > 0 && !same_lattice(first_, header)) {
+    if (volumes_ > 0) {
         bool const slices = first_.dims == header.dims && first_.dims.z == 1 && first_.dtype == header.dtype;
-        throw Error(ErrorKind::usage,
-                    text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
-                    slices ? "slices make one volume: name their folder, or order them with vkt stack"
-                           : "write one file each: " + each);
+        check_lattice(first_, header, text(format_.name, " file"),
+                      slices ? "slices make one volume: name their folder, or order them with vkt stack"
+                             : "write one file each: " + each);
     }
     if (volumes_ > 0 && !header_file_ && data_file_->in_place())
         throw Error(ErrorKind::usage,

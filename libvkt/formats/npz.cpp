@@ -9,6 +9,7 @@
 #include "libvkt/formats/numpy.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/series_axes.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/zip_archive.h"
 
@@ -152,9 +153,7 @@ public:
 
     void begin(Header const& header) override {
         refuse_bricks(header, "NumPy");
-        if (volumes_ > 0 && !same_lattice(first_, header))
-            throw Error(ErrorKind::usage, "one array cannot hold volumes of different dims, types or geometry",
-                        "write one file each: name it like out_%04d.npz");
+        if (volumes_ > 0) check_lattice(first_, header, "array", "write one file each: name it like out_%04d.npz");
         file_.expect(options_.compress ? least_deflated(header.bytes()) : header.bytes());
         if (volumes_++ > 0) return;
         first_ = in_utf8(header);

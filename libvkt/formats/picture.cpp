@@ -20,6 +20,7 @@
 #include <bit>
 #include <cstring>
 #include <iterator>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -30,7 +31,8 @@ namespace {
 class PictureWriter : public VolumeWriter {
 public:
     PictureWriter(std::string const& path, WriteOptions const& options, char const* name)
-        : file_(path, options.force), name_(name), files_(options.files) {
+        : held_file_(std::make_unique<OutputFile>(path, options.force)), file_(*held_file_), name_(name),
+          files_(options.files), held_(options.held) {
         if (options.compress)
             throw Error(ErrorKind::usage,
                         text("--compress: ", name, " files are compressed in their own way, or not at all"));
@@ -56,7 +58,12 @@ public:
     void write(std::byte const* voxels, std::size_t n) override {
         for (std::size_t done = 0; done < n; done += row_) put_row(voxels + done);
     }
-    void close() override { file_.commit(); }
+    void close() override {
+        if (held_)
+            held_->push_back(std::move(held_file_));
+        else
+            file_.commit();
+    }
 
 protected:
     /// Throws Error{usage} for types that the format does not hold.
@@ -73,11 +80,13 @@ protected:
 
     std::string one_file() const { return text(name_[0] == 'O' ? "an " : "a ", name_, " file"); }
 
-    OutputFile file_;
+    std::unique_ptr<OutputFile> held_file_;
+    OutputFile& file_;
     std::size_t row_ = 0; ///< bytes
     PictureTexts texts_;  ///< for formats that have a place for them
     char const* name_;
     std::int64_t files_; ///< this one and those to come
+    std::shared_ptr<HeldFiles> held_;
 
 private:
     static constexpr std::int64_t most_pixels = 1000000; // what libpng and most readers allow

@@ -82,13 +82,18 @@ std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions 
 class RawWriter : public VolumeWriter {
 public:
     RawWriter(std::string const& path, WriteOptions const& options)
-        : file_(path, options.force), big_endian_(parse_raw_name(path).big_endian.value_or(false)) {
+        : file_(path, options.force), name_(parse_raw_name(path)), big_endian_(name_.big_endian.value_or(false)) {
+        if (options.compress && path != "-" && !is_gzip(path))
+            throw Error(ErrorKind::usage, "raw files are compressed as a whole, and named so",
+                        text("name it ", shell_quoted(path + ".gz")));
         if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip, options);
     }
     void begin(Header const& header) override {
         refuse_bricks(header, "a raw file");
         if (begun_ && (header.dims != dims_ || header.dtype != dtype_))
             throw Error(ErrorKind::usage, "a raw file cannot hold volumes of different dims or types");
+        if (name_.dims.value_or(header.dims) != header.dims || name_.dtype.value_or(header.dtype) != header.dtype)
+            refuse_name(text(header.dims.x, "x", header.dims.y, "x", header.dims.z, "_", header.dtype));
         dims_ = header.dims;
         dtype_ = header.dtype;
         begun_ = true;
@@ -113,6 +118,11 @@ public:
 private:
     static constexpr std::size_t piece = std::size_t{256} << 10; ///< whole voxels of any type
 
+    [[noreturn]] void refuse_name(std::string const& volume) const {
+        throw Error(ErrorKind::usage,
+                    text("'", file_.path(), "' would be read as what its name says, and the volume is ", volume),
+                    text("name it like engine_", volume, ".raw"));
+    }
     void put(std::byte const* bytes, std::size_t n) {
         if (deflate_)
             deflate_->write(bytes, n);
@@ -121,7 +131,8 @@ private:
     }
 
     OutputFile file_;
-    bool big_endian_; ///< the name says so, and a reader will believe it
+    RawName name_; ///< what it says a reader will believe
+    bool big_endian_;
     std::vector<std::byte> swapped_;
     std::optional<DeflateWriter> deflate_;
     Index3 dims_;

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fnmatch.h>
 #include <glob.h>
+#include <sys/resource.h>
 #include <unistd.h>
 #include <utility>
 
@@ -83,7 +84,7 @@ public:
     SeriesSink(std::string pattern, CreateFile create) : pattern_(std::move(pattern)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
-        current_ = create_(numbered_path(pattern_, number_++), 1);
+        current_ = create_(numbered_path(pattern_, number_++), 1, nullptr);
         current_->begin(header);
     }
     AnyView acquire(Box const& slab) override { return current_->acquire(slab); }
@@ -169,6 +170,7 @@ public:
             throw Error(ErrorKind::usage, "hierarchical volumes have no slices",
                         "make a grid of it first: vkt resample --cells 50M");
         header_ = header;
+        if (open_files(header.dims.z + spare_files)) waiting_ = std::make_shared<HeldFiles>();
     }
     AnyView acquire(Box const& slab) override {
         slab_ = slab;
@@ -191,15 +193,36 @@ public:
             current_->end();
             current_->close();
             current_.reset();
+            // Files that have a name meanwhile are watched over by a process each.
+            if (waiting_ && header_.dims.z > most_named && !waiting_->empty() &&
+                !waiting_->front()->temporary().empty())
+                show();
         }
     }
-    void end() override {}
+    void end() override { show(); }
     void close() override {}
     std::int64_t natural_slab() const override { return 1; }
 
 private:
+    static constexpr std::int64_t most_named = 64, spare_files = 64;
+
+    /// Whether so many files may be open at a time; the limit of the process is raised as far as it may be.
+    static bool open_files(std::int64_t count) {
+        rlimit limit{};
+        if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return false;
+        auto const wanted = static_cast<rlim_t>(count);
+        if (limit.rlim_cur >= wanted) return true;
+        limit.rlim_cur = std::min(wanted, limit.rlim_max);
+        return limit.rlim_cur == wanted && ::setrlimit(RLIMIT_NOFILE, &limit) == 0;
+    }
+    /// The files that wait get their names, and what follows does not wait.
+    void show() {
+        if (!waiting_) return;
+        for (auto const& file : *waiting_) file->commit();
+        waiting_.reset();
+    }
     void begin_slice(std::int64_t z) {
-        current_ = create_(numbered_path(pattern_, number_++), header_.dims.z - z);
+        current_ = create_(numbered_path(pattern_, number_++), header_.dims.z - z, waiting_);
         Header slice = header_;
         slice.dims.z = 1;
         slice.geometry = cropped(header_.geometry, {0, 0, z});
@@ -212,6 +235,7 @@ private:
     Header header_;
     Box slab_;
     std::vector<std::byte> held_;
+    std::shared_ptr<HeldFiles> waiting_; ///< of the volume, until it is whole
     std::unique_ptr<Sink> current_;
     std::int64_t number_ = 0;
 };

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/source.h"
+#include "libvkt/formats/format.h"
 
 #include <cstdint>
 #include <functional>
@@ -26,11 +27,13 @@ bool is_numbered(std::string const& path);
 /// The path with the number in its place. Throws Error{usage} for anything else after a per cent sign.
 std::string numbered_path(std::string const& path, std::int64_t number);
 
-/// Makes the sink of one file. `files`: how many of the same volume there are from this one on.
-using CreateFile = std::function<std::unique_ptr<Sink>(std::string const& path, std::int64_t files)>;
+/// Makes the sink of one file. `files`: how many of the same volume there are from this one on; `held`: where they wait
+/// for one another, null for those that do not (WriteOptions).
+using CreateFile = std::function<std::unique_ptr<Sink>(std::string const& path, std::int64_t files,
+                                                       std::shared_ptr<HeldFiles> const& held)>;
 
-/// One file per volume, or one for each slice of all volumes, numbered from 0, each complete under its name as soon as
-/// its volume or slice is.
+/// One file per volume, or one for each slice of all volumes, numbered from 0. Those of a volume appear under their
+/// names when it is whole; slices one by one where they are more than the files that a process may have open.
 std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, CreateFile create);
 
 } // namespace vkt

@@ -46,7 +46,23 @@ std::vector<std::string> channels_of(SeriesAxis const& axis) {
     return result;
 }
 
+void check_lattice(Header const& first, Header const& other, std::string const& holder, std::string const& each) {
+    if (same_lattice(first, other)) return;
+    Header alike = other;
+    alike.values = first.values;
+    if (!same_lattice(first, alike))
+        throw Error(ErrorKind::usage, text("one ", holder, " cannot hold volumes of different dims, types or geometry"),
+                    each);
+    throw Error(ErrorKind::usage,
+                text("one ", holder,
+                     " cannot hold volumes that store their values with slopes and intercepts of their ", "own (",
+                     first.values.slope, " and ", first.values.intercept, ", then ", other.values.slope, " and ",
+                     other.values.intercept, ")"),
+                text("where these come from a range, give it in numbers, as in vkt convert --range 0:1000; or ", each));
+}
+
 std::vector<std::string> keep_common(Header& first, Header const& other) {
+    if (!(other.history == first.history)) first.history.reset();
     if (!(other.error == first.error)) first.error = first.history ? VolumeError{} : VolumeError::lost("series");
     std::vector<std::string> gone;
     std::erase_if(first.attributes, [&](auto const& attribute) {
@@ -66,9 +82,8 @@ void SeriesAxes::no_grid() const {
 
 void SeriesAxes::add(Header const& given) {
     Header header = in_utf8(given);
-    if (volumes_ > 0 && !same_lattice(header_, header))
-        throw Error(ErrorKind::usage, text("one ", file_, " cannot hold volumes of different dims, types or geometry"),
-                    text("write one file each: name it like out_%04d", extension_));
+    if (volumes_ > 0)
+        check_lattice(header_, header, file_, text("write one file each: name it like out_%04d", extension_));
     place(said(header, "channel"), said(header, "sequence position"));
     if (volumes_++ == 0) {
         header_ = std::move(header);

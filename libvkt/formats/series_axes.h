@@ -29,8 +29,12 @@ std::optional<EvenSteps> steps_of(SeriesAxis const& axis, Header const& header);
 /// What channels are called; their numbers where they do not say.
 std::vector<std::string> channels_of(SeriesAxis const& axis);
 
-/// Leaves in the header of a file's first volume what it has in common with another one: the error, or that a series
-/// lost it, and attributes. Returns the names of those that went.
+/// Throws Error{usage} if another volume has no place in one array with the first: other dims, type, geometry or map of
+/// values. For messages: "NRRD file", and how to write one file each.
+void check_lattice(Header const& first, Header const& other, std::string const& holder, std::string const& each);
+
+/// Leaves in the header of a file's first volume what it has in common with another one: the history, the error, or
+/// that a series lost it, and attributes. Returns the names of those that went.
 std::vector<std::string> keep_common(Header& first, Header const& other);
 
 /// Takes the headers of volumes as they come, of which all have one lattice, and finds the axes that they form.

@@ -1,11 +1,17 @@
 // TIFF: reading by a child, writing through the module tiff.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/text.h"
+#include "libvkt/engine/decorator.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/tiff_module.h"
 
 #include <cstring>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace vkt {
 namespace {
@@ -20,10 +26,38 @@ bool is_tiff(std::span<std::byte const> head) {
     return false;
 }
 
+using Notice = std::function<void(std::string const&)>;
+
+/// Tells of whole pages that are not of the volume. Reduced ones and masks are there to be left out.
+class TellingOfPages : public SourceDecorator {
+public:
+    TellingOfPages(std::unique_ptr<Source> source, std::string name, Notice notice)
+        : SourceDecorator(std::move(source)), name_(std::move(name)), notice_(std::move(notice)) {}
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        if (std::exchange(told_, true)) return true;
+        std::vector<std::string> pages = inner().not_read();
+        std::erase_if(pages, [](std::string const& what) {
+            return !what.starts_with("page ") || what.find(" (reduced") != std::string::npos;
+        });
+        if (!pages.empty())
+            notice_(text("'", name_, "' holds pages of other sizes than its volume's (", pages.front(),
+                         pages.size() > 1 ? ", and others" : "", "): not read"));
+        return true;
+    }
+
+private:
+    std::string name_;
+    Notice notice_;
+    bool told_ = false;
+};
+
 std::unique_ptr<Source> open_tiff(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     std::string const what = text(bytes->name(), ": reading TIFF");
     std::shared_ptr<ByteSource const> const file = seekable_bytes(std::move(bytes));
-    return parsed_grids("tiff", what, file, file->size(), options);
+    auto source = parsed_grids("tiff", what, file, file->size(), options);
+    if (!options.notice) return source;
+    return std::make_unique<TellingOfPages>(std::move(source), file->name(), options.notice);
 }
 
 std::unique_ptr<Sink> create_tiff(std::string const& path, WriteOptions const& options) {

@@ -16,6 +16,8 @@ namespace vkt::render {
 namespace {
 
 constexpr int pilot_paths = 16;
+constexpr int pilot_share = 8; ///< of the paths of a tile, so many again are looked at before
+constexpr int pilot_rounds = 3;
 
 struct PathTile {
     Tile tile;
@@ -186,16 +188,21 @@ private:
         scene.sums = {light.data(), nullptr, squares.data(), {}};
         for (std::size_t c = 0; c < 3; ++c) scene.sums.behind[c] = static_cast<float>(levels_.behind(c));
         int const cap = drawing_.scene.samples;
-        advance(scene, pilots, std::min(pilot_paths, cap), pixels.data(), false, 0, 0);
         // What the estimate itself is uncertain by.
         constexpr double margin = 1.15;
         double const allowed = drawing_.goal.noise * drawing_.goal.noise;
-        for (std::size_t i = 0; i < tiles_.size(); ++i) {
-            PathTile const& t = pilots[i];
-            double const needed =
-                t.done > 1 ? margin * path_variance(t, image_.width, light, squares, levels_) / allowed : cap;
-            tiles_[i].wanted =
-                static_cast<int>(std::clamp(std::ceil(needed), std::min<double>(pilot_paths, cap), 1.0 * cap));
+        for (PathTile& t : pilots) t.wanted = std::min(pilot_paths, cap);
+        // Few paths miss the rare ones that carry light: where many are needed, more are looked at.
+        for (int round = 0; round < pilot_rounds; ++round) {
+            advance(scene, pilots, cap, pixels.data(), false, 0, 0);
+            for (std::size_t i = 0; i < tiles_.size(); ++i) {
+                PathTile& t = pilots[i];
+                double const needed =
+                    t.done > 1 ? margin * path_variance(t, image_.width, light, squares, levels_) / allowed : cap;
+                tiles_[i].wanted =
+                    static_cast<int>(std::clamp(std::ceil(needed), std::min<double>(pilot_paths, cap), 1.0 * cap));
+                t.wanted = std::max(t.done, tiles_[i].wanted / pilot_share);
+            }
         }
     }
 

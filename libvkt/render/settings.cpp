@@ -19,6 +19,11 @@ namespace vkt::render {
 
 namespace {
 
+/// An environment is all that lights surfaces.
+bool lit_by_environment(RenderSettings const& s) {
+    return s.environment && !s.light_direction && applies("shade", s.algorithm);
+}
+
 /// "R,G,B" or "R,G,B,A", or one number for grey; each in [0,1].
 std::vector<double> read_color(std::string const& name, std::string const& words, std::size_t most) {
     std::vector<double> values;
@@ -383,6 +388,7 @@ RenderSettings SettingsParameters::settings() const {
         s.environment = environment_;
     }
     if (!list_->given("ambient")) s.ambient = ambient_unless_given(s);
+    if (!list_->given("specular")) s.specular = specular_unless_given(s);
     if (s.algorithm == Algorithm::multi_scattering && list_->given("ambient") && !s.light_direction)
         refuse("--ambient needs --light-direction, without which all light comes from everywhere");
     if (!keyframes_file_.empty()) s.camera = cameras().front();
@@ -428,9 +434,8 @@ bool SettingsParameters::depends_on_data() const {
     return surface || !fixed || opacities;
 }
 
-double ambient_unless_given(RenderSettings const& s) {
-    bool const alone = s.environment && !s.light_direction && applies("shade", s.algorithm);
-    return alone ? 1 : RenderSettings().ambient;
-}
+double ambient_unless_given(RenderSettings const& s) { return lit_by_environment(s) ? 1 : RenderSettings().ambient; }
+
+double specular_unless_given(RenderSettings const& s) { return lit_by_environment(s) ? 0 : RenderSettings().specular; }
 
 } // namespace vkt::render

@@ -71,6 +71,8 @@ std::vector<OptionWords> options_of(RenderSettings const& settings);
 /// The share of the light from everywhere where none is asked for: all of it where an environment is all that lights
 /// surfaces.
 double ambient_unless_given(RenderSettings const& settings);
+/// The strength of highlights where none is asked for: 0 there, since no light comes from one direction.
+double specular_unless_given(RenderSettings const& settings);
 /// Whether the option has a meaning for the algorithm.
 bool applies(std::string_view option, Algorithm algorithm);
 /// True if light is held back that would reach a point without any surface: a light means something with --shade none.

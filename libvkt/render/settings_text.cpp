@@ -53,7 +53,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!exact && s.light_direction) add("light-direction", {triple(*s.light_direction)});
     bool const divided = s.algorithm != Algorithm::multi_scattering || s.light_direction;
     if (!exact && divided && s.ambient != ambient_unless_given(s)) add("ambient", {to_text(s.ambient)});
-    if (!exact && s.specular != plain.specular) add("specular", {to_text(s.specular)});
+    if (!exact && s.specular != specular_unless_given(s)) add("specular", {to_text(s.specular)});
     if (!exact && s.shadows) add("shadows", {});
     if (!exact && s.ambient_occlusion > 0) add("ambient-occlusion", {to_text(s.ambient_occlusion)});
     if (!exact && s.ambient_occlusion > 0 && s.occlusion_radius > 0)

@@ -12,9 +12,11 @@
 
 namespace vkt::hdf5 {
 
+void keep_quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+
 Handle access_to_write() {
     H5dont_atexit();
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    keep_quiet();
     Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_file_locking(access, false, true); // it is ours, and marked as such
     return access;

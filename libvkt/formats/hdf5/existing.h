@@ -11,6 +11,9 @@
 
 namespace vkt::hdf5 {
 
+/// The library prints nothing of what fails in this thread: every thread has a setting of its own.
+void keep_quiet();
+
 /// How files are opened that are written.
 Handle access_to_write();
 

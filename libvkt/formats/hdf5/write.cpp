@@ -351,6 +351,7 @@ void Writer::put_about() {
 
 /// Whole slices of a layer of chunks, or some rows of one.
 void Writer::flush() {
+    keep_quiet();
     auto const rows = static_cast<hsize_t>(held_.size() / row_);
     auto const height = static_cast<hsize_t>(header_.dims.y);
     auto const first = static_cast<hsize_t>(rows_);

@@ -111,6 +111,7 @@ void RegionWriter::check_storage() const {
 }
 
 void RegionWriter::write(std::byte const* voxels, std::size_t n) {
+    keep_quiet();
     layers_.add(voxels, n, [&](Box const& box, std::byte const* from) {
         if (!chosen_->write(number_, box, from))
             throw Error(ErrorKind::io,

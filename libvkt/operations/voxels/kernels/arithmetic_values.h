@@ -55,7 +55,7 @@ template <ArithmeticOp op, class C> struct Combined {
         }
         if constexpr (op == min) return u < v || u != u ? u : v;
         if constexpr (op == max) return u > v || u != u ? u : v;
-        if constexpr (op == absdiff) return u < v ? v - u : u - v;
+        if constexpr (op == absdiff) return (u < v ? v - u : u - v) + C(0); // -0 becomes 0
         if constexpr (op == gt) return u > v ? C(1) : C(0);
         if constexpr (op == ge) return u >= v ? C(1) : C(0);
         if constexpr (op == lt) return u < v ? C(1) : C(0);
