@@ -525,3 +525,15 @@ PY
     vkt arith where <(vkt fill tree.vkt --value 1) tree.vkt 0 --roi 2:9,:,: | vkt diff - <(vkt delete tree.vkt --value 0 --roi 9:,:,: | vkt delete --value 0 --roi 0:2,:,:)
     vkt diff got.vkt <(vkt transform 'v + 1000' tree.vkt --roi 2:9,:,:)
 }
+
+@test "an absolute difference has no sign" {
+    python_with numpy
+    /usr/bin/python3 -c "
+import numpy as np
+np.array([-0.0, 0.0, -3.0, 3.0], np.float32).tofile('v_4x1x1_float32.raw')"
+    for type in float32 float64; do
+        vkt convert v_4x1x1_float32.raw --dtype $type | vkt arith absdiff - 0 | vkt arith div 1 - | vkt stats --json >s.json
+        grep -q '"min": 0.33' s.json
+        grep -q '"inf": 2' s.json
+    done
+}

@@ -888,3 +888,14 @@ END
     sha256sum other.h5 voxels.raw | diff - <(tail -2 sums)
     vkt diff part.npy f.h5:/far
 }
+
+@test "a disk that is full is one line" {
+    [ "$(id -u)" -eq 0 ] && mkdir small && mount -t tmpfs -o size=2m tmpfs small 2>/dev/null || skip "no small file system can be mounted"
+    for options in "" --compress; do
+        run vkt write <(vkt make noise --dims 96 96 96 --dtype float32) small/o.h5 $options
+        [ "$status" -ne 0 ] || { umount small; false; }
+        [ "${#lines[@]}" -le 2 ] || { umount small; false; }
+        [ -z "$(ls -A small)" ] || { umount small; false; }
+    done
+    umount small
+}

@@ -409,3 +409,27 @@ assert np.abs(s['R'] - e['R'])[lit].max() < 1e-5"
     vkt read drawn.exr --variable Z | vkt info | grep -q '^dims *16 16 1'
     vkt history drawn.exr | grep -q '^vkt render'
 }
+
+@test "slices of a volume appear together or not at all" {
+    vkt make noise --dims 128 128 128 --dtype uint16 -o n.vkt
+    head -c 3000000 n.vkt >cut.vkt
+    mkdir d
+    for suffix in png pgm; do
+        fails_with 3 "ended early" vkt write cut.vkt "d/%03d.$suffix"
+        [ -z "$(ls -A d)" ]
+    done
+    fails_with 3 "" vkt filter box --radius 1 cut.vkt -o d/%03d.png
+    [ -z "$(ls -A d)" ]
+    vkt write n.vkt d/%03d.png
+    sha256sum d/* >before
+    fails_with 3 "ended early" vkt write cut.vkt d/%03d.png --force
+    sha256sum --quiet -c before
+    [ "$(ls -A d | wc -l)" -eq 128 ]
+    vkt read d | vkt diff - n.vkt
+    # More of them than files may be open: the limit is raised, and where it cannot be they appear one by one.
+    vkt make noise --dims 4 4 1500 --dtype uint8 -o long.vkt
+    (ulimit -Sn 256 && vkt write long.vkt d/l%04d.pgm)
+    [ "$(ls d/l* | wc -l)" -eq 1500 ]
+    (ulimit -n 256 && vkt write long.vkt d/m%04d.pgm)
+    [ "$(ls d/m* | wc -l)" -eq 1500 ]
+}

@@ -251,3 +251,32 @@ subprocess.run("vkt write itk.mha own.nii", shell=True, check=True, capture_outp
 assert np.allclose(nibabel.load("itk.nii").affine, nibabel.load("own.nii").affine), nibabel.load("own.nii").affine
 END
 }
+
+@test "a file of a series has the history that all of its volumes share, and no other" {
+    vkt make noise --dims 6 5 4 --dtype uint16 --seed 1 -o one.nrrd
+    vkt make noise --dims 6 5 4 --dtype uint16 --seed 2 -o two.nrrd
+    for suffix in nrrd nii.gz mha tif h5 zarr npy; do
+        vkt stack one.nrrd two.nrrd -o series.$suffix
+        vkt read series.$suffix --index 1 -o second.nrrd --force
+        vkt history second.nrrd --as-shell >line
+        [ "$(cat line)" = "vkt read series.$suffix --index 1" ]
+        bash line | vkt diff - two.nrrd
+        [ $suffix != npy ] || continue
+        vkt stack one.nrrd one.nrrd -o same.$suffix
+        vkt read same.$suffix --index 1 -o second.nrrd --force
+        vkt history second.nrrd --as-shell | bash | vkt diff - one.nrrd
+    done
+}
+
+@test "volumes that store their values differently are told from those that lie elsewhere" {
+    vkt make noise --dims 6 5 4 --dtype uint16 --seed 1 -o one.nrrd
+    vkt make noise --dims 6 5 4 --dtype uint16 --seed 2 --high 900 -o two.nrrd
+    vkt stack one.nrrd two.nrrd -o series.nii.gz
+    for suffix in nii nrrd mha tif h5 npz zarr; do
+        fails_with 2 "slopes and intercepts of their own" vkt convert series.nii.gz --dtype uint8 --range minmax -o out.$suffix -q
+        [[ "$stderr" == *"vkt convert --range 0:1000"* ]]
+    done
+    vkt convert series.nii.gz --dtype uint8 --range 0:1000 -o out.nii -q
+    vkt make ramp --dims 6 5 3 --dtype uint16 -o three.nrrd
+    fails_with 2 "different dims, types or geometry" vkt write '[ot]*[eo].nrrd' out.nrrd
+}

@@ -555,3 +555,15 @@ END
     vkt make ramp --dims 4 3 2 --dtype int16 --to 9 -o plain.tif 2>said
     [ ! -s said ]
 }
+
+@test "whole pages of another size than the volume's are not left out without a word" {
+    python_with tifffile
+    /usr/bin/python3 -c "
+import numpy as np, tifffile
+with tifffile.TiffWriter('mixed.tif') as file:
+    file.write(np.zeros((10, 17), 'u2'), photometric='minisblack')
+    file.write(np.ones((6, 20, 17), 'u2'), photometric='minisblack')"
+    run --separate-stderr vkt convert mixed.tif -o out.nrrd
+    [ "$status" -eq 0 ]
+    [[ "$stderr" == *"'mixed.tif' holds pages of other sizes than its volume's (page 1 of 17 by 20 pixels, and others): not read"* ]]
+}

@@ -335,3 +335,18 @@ EOF
     vkt history d.vkt --as-shell >again.sh
     grep -q 'vkt transform .*v - a' again.sh
 }
+
+@test "neighbours however far along z come from a stream as from a file, in slabs of any height" {
+    vkt make noise --dims 9 8 60 --seed 5 --dtype int16 --low -900 --high 900 -o n.nrrd
+    vkt convert n.nrrd -o packed.nrrd --compress
+    for expression in 'v[0,0,17]' 'v[0,0,40]-v[0,0,-2]' 'v[0,0,-20]' 'v[0,0,-128]+v[1,0,3]' 'v[1,2,128]'; do
+        for rule in mirror clamp border:7; do
+            vkt transform "$expression" n.nrrd --boundary $rule --slab 60 -o whole.nrrd --force
+            for slab in 1 8 25; do
+                vkt read n.nrrd | vkt transform "$expression" --boundary $rule --slab $slab -o a.nrrd --force
+                vkt diff a.nrrd whole.nrrd >/dev/null
+            done
+            vkt transform "$expression" packed.nrrd --boundary $rule --slab 4 | vkt diff - whole.nrrd >/dev/null
+        done
+    done
+}

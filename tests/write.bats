@@ -448,3 +448,17 @@ END
     run --separate-stderr vkt make ramp --dims 4 4 4 -o plain.npy
     [ -z "$stderr" ]
 }
+
+@test "a raw file's name does not contradict the volume" {
+    vkt make ramp --dims 6 5 4 --dtype int32 -o v.nrrd
+    for name in v_4x5x6_int32.raw v_6x5x4_float32.raw v_int16.raw v_6x5x5.raw; do
+        fails_with 2 "the volume is 6x5x4_int32" vkt write v.nrrd $name
+        [ ! -e $name ]
+    done
+    for name in v_6x5x4_int32.raw v_int32be.raw v.raw; do vkt write v.nrrd $name; done
+    vkt diff v.nrrd v_6x5x4_int32.raw
+    fails_with 2 "raw files are compressed as a whole, and named so" vkt write v.nrrd c_6x5x4_int32.raw --compress
+    [ ! -e c_6x5x4_int32.raw ]
+    vkt write v.nrrd c_6x5x4_int32.raw.gz
+    vkt diff v.nrrd c_6x5x4_int32.raw.gz
+}

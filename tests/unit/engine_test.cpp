@@ -7,9 +7,11 @@
 #include "libvkt/engine/line_passes.h"
 #include "libvkt/engine/pipeline.h"
 
+#include <chrono>
 #include <cstring>
 #include <gtest/gtest.h>
 #include <random>
+#include <thread>
 
 namespace {
 
@@ -503,6 +505,28 @@ TEST(Engine, FoldRepeatsAsOftenAsNeeded) {
     EXPECT_EQ(fold(-5, 4, Boundary::wrap), 3);
     EXPECT_EQ(fold(9, 4, Boundary::clamp), 3);
     EXPECT_EQ(fold(-1, 4, Boundary::border), -1);
+}
+
+/// What a consumer expects it may say more than once before it asks. What was read ahead meanwhile would be gone.
+TEST(Prefetch, ForwardSourcesMayBeExpectedTwice) {
+    Volume const input = random_volume({16, 8, 64}, 3);
+    Execution execution;
+    execution.slab = 2;
+    auto const source = prefetch(std::make_unique<ForwardOnly>(volume_source({input})), execution);
+    ASSERT_TRUE(source->next_volume());
+    Box const whole = box_of(input.header().dims);
+    for (int i = 0; i < 3; ++i) {
+        source->expect(whole);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20)); // time enough to read ahead
+    }
+    Volume result(input.header());
+    for (std::int64_t z = 0; z < whole.upper.z; z += 2) {
+        Box slab = whole;
+        slab.lower.z = z, slab.upper.z = z + 2;
+        source->read(result.mutable_view().part(slab));
+    }
+    source->finish();
+    EXPECT_EQ(std::memcmp(result.view().data, input.view().data, input.header().bytes()), 0);
 }
 
 TEST(Engine, LoadRefusesWhatExceedsTheBudget) {
