@@ -134,3 +134,10 @@ interrupt_after_work() {
     grep -q "model multiple scattering" err
     grep -q "refinement paths until the noise is below 100 levels in every tile" err
 }
+
+@test "paths go on where the pilot found too little noise" {
+    needs_data raw/fuel_64x64x64_uint8.raw
+    f=$VKT_DATA/raw/fuel_64x64x64_uint8.raw
+    vkt render $f --size 96 --view x -ra multi-scattering --noise 4 --strict -o a.png
+    vkt render $f --size 96 --view x -ra multi-scattering --noise 3 --strict -o b.png
+}

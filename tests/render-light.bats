@@ -230,3 +230,16 @@ assert middle('1,0,0') - middle('-1,0,0') > 2"
     vkt render $f --clip-plane 1 0 0 1000 --size 16 -o empty.png 2>err
     grep -q "the picture is empty" err
 }
+
+@test "an environment that is all the light makes no highlights" {
+    /usr/bin/python3 -c "
+import struct
+open('black.pfm', 'wb').write(b'PF\n16 8\n-1\n' + struct.pack('<384f', *[0.0] * 384))"
+    vkt render $f -ra implicit-iso --iso 10 --environment black.pfm --background 0,0,0 -o black.pfm.pfm
+    /usr/bin/python3 -c "
+import struct
+values = open('black.pfm.pfm', 'rb').read().split(b'\n', 3)[3]
+assert max(struct.unpack('<%df' % (len(values) // 4), values)) == 0"
+    vkt render $f -ra implicit-iso --iso 10 --environment black.pfm --specular 0.3 --background 0,0,0 -o some.pfm
+    ! cmp -s some.pfm black.pfm.pfm || false
+}

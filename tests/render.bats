@@ -883,3 +883,19 @@ open('sky.hdr', 'wb').write(b'#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n'
         done <"$from"
     done
 }
+
+@test "colours between the points of a transfer function are those of the straight line that displays show" {
+    for value in 5 11 23 40 70 131 200; do
+        vkt make constant --dims 4 4 4 --dtype uint8 --value $value -o c.nrrd --force
+        for way in "--lut 0 0 0 1 1 1 1 1 --domain 0:255" '--transfer {"points":[[0,0,0,0,1],[255,1,1,1,1]]}'; do
+            vkt render c.nrrd $way --exact --view z --size 8 -o c.pfm --force
+            /usr/bin/python3 - $value <<'EOF'
+import struct, sys
+values = open("c.pfm", "rb").read().split(b"\n", 3)[3]
+linear = max(struct.unpack("<%df" % (len(values) // 4), values))
+level = 255 * (12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055)
+assert abs(level - float(sys.argv[1])) < 0.15, (sys.argv[1], level)
+EOF
+        done
+    done
+}

@@ -16,8 +16,7 @@ namespace vkt::render {
 namespace {
 
 constexpr int pilot_paths = 16;
-constexpr int pilot_share = 8; ///< of the paths of a tile, so many again are looked at before
-constexpr int pilot_rounds = 3;
+constexpr double uncertain = 1.25; ///< by which factor the estimate of a single tile may be off
 
 struct PathTile {
     Tile tile;
@@ -90,8 +89,7 @@ Quality quality_of(std::vector<PathTile> const& tiles, std::int64_t width, std::
         known += n;
         sum += n * squared;
         q.worst = std::max(q.worst, std::sqrt(squared));
-        // The estimate of a single tile is uncertain itself.
-        if (noise > 0 && std::sqrt(squared) > 1.25 * noise) ++q.above;
+        if (noise > 0 && std::sqrt(squared) > uncertain * noise) ++q.above;
     }
     if (known > 0) q.error = std::sqrt(sum / known);
     q.rays = paths / pixels;
@@ -125,13 +123,27 @@ public:
         // The first pass is one path everywhere, so that whatever ends it finds a picture.
         advance(scene, tiles_, 1, image_.pixels.data(), true, 0, 0);
         if (drawing_.goal.noise > 0) plan();
+        draw_wanted(scene, 1);
+        while (drawing_.goal.noise > 0 && !crew_.over()) {
+            int const from = want_more();
+            if (from == 0) break;
+            draw_wanted(scene, from);
+        }
+        if (drawing_.variance != nullptr) tell_variance(scene, *drawing_.variance);
+        return quality();
+    }
+
+private:
+    /// What is wanted of all tiles, of which each has so many paths or all of its own.
+    void draw_wanted(SceneView const& scene, int target) {
         int most = 1;
         double work = 0, finished = 0;
         for (PathTile const& t : tiles_) {
             most = std::max(most, t.wanted);
             work += t.wanted * static_cast<double>(t.pixels());
+            finished += target > 1 ? t.done * static_cast<double>(t.pixels()) : 0;
         }
-        for (int target = 1; target < most && !crew_.over();) {
+        while (target < most && !crew_.over()) {
             target = std::min({2 * target, target + 64, most});
             double pass = 0;
             for (PathTile const& t : tiles_)
@@ -140,11 +152,25 @@ public:
             finished += pass;
             if ((target & (target - 1)) == 0) crew_.set_error(quality().error);
         }
-        if (drawing_.variance != nullptr) tell_variance(scene, *drawing_.variance);
-        return quality();
     }
 
-private:
+    /// Where few paths are bright the pilot finds too little noise: tiles that are still above are drawn on. Returns
+    /// the least number of paths that one of them has; 0 if there is none. A tile is judged by all of its pixels, so
+    /// that what any one of them got hardly decides.
+    int want_more() {
+        int least = 0;
+        for (PathTile& t : tiles_) {
+            if (t.done < 2 || t.done < t.wanted || t.wanted >= drawing_.scene.samples) continue;
+            double const noise = drawing_.goal.noise,
+                         squared = half_difference(t, image_.width, light_, odd_, levels_) / (noise * noise);
+            if (!(squared > uncertain * uncertain)) continue;
+            least = least == 0 ? t.done : std::min(least, t.done);
+            double const wanted = std::ceil(t.done * std::clamp(squared, 1.25, 4.0));
+            t.wanted = static_cast<int>(std::min<double>(wanted, drawing_.scene.samples));
+        }
+        return least;
+    }
+
     /// Paths of all tiles up to a number.
     void advance(SceneView const& scene, std::vector<PathTile>& tiles, int target, float* pixels, bool whole,
                  double share, double width) {
@@ -188,21 +214,16 @@ private:
         scene.sums = {light.data(), nullptr, squares.data(), {}};
         for (std::size_t c = 0; c < 3; ++c) scene.sums.behind[c] = static_cast<float>(levels_.behind(c));
         int const cap = drawing_.scene.samples;
+        advance(scene, pilots, std::min(pilot_paths, cap), pixels.data(), false, 0, 0);
         // What the estimate itself is uncertain by.
         constexpr double margin = 1.15;
         double const allowed = drawing_.goal.noise * drawing_.goal.noise;
-        for (PathTile& t : pilots) t.wanted = std::min(pilot_paths, cap);
-        // Few paths miss the rare ones that carry light: where many are needed, more are looked at.
-        for (int round = 0; round < pilot_rounds; ++round) {
-            advance(scene, pilots, cap, pixels.data(), false, 0, 0);
-            for (std::size_t i = 0; i < tiles_.size(); ++i) {
-                PathTile& t = pilots[i];
-                double const needed =
-                    t.done > 1 ? margin * path_variance(t, image_.width, light, squares, levels_) / allowed : cap;
-                tiles_[i].wanted =
-                    static_cast<int>(std::clamp(std::ceil(needed), std::min<double>(pilot_paths, cap), 1.0 * cap));
-                t.wanted = std::max(t.done, tiles_[i].wanted / pilot_share);
-            }
+        for (std::size_t i = 0; i < tiles_.size(); ++i) {
+            PathTile const& t = pilots[i];
+            double const needed =
+                t.done > 1 ? margin * path_variance(t, image_.width, light, squares, levels_) / allowed : cap;
+            tiles_[i].wanted =
+                static_cast<int>(std::clamp(std::ceil(needed), std::min<double>(pilot_paths, cap), 1.0 * cap));
         }
     }
 
