@@ -4,6 +4,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/formats/stack.h"
+#include "libvkt/io/shared_memory.h"
 #include "shell/command.h"
 
 #include <filesystem>
@@ -42,6 +43,8 @@ private:
         std::string const file = file_part(path).file;
         bool const again = matching_files(path).size() > 1 || std::filesystem::is_regular_file(file, failed) ||
                            std::filesystem::is_directory(file, failed);
+        if (!again && path != "-" && !is_segment(path) && !std::filesystem::exists(file, failed))
+            static_cast<void>(context.open(path)); // says so
         if (!again)
             throw Error(ErrorKind::usage,
                         text("'", path, "' can be read only once, and may hold one volume or several"),

@@ -227,3 +227,16 @@ from json import load
 said = load(open("said.json"))["error"]
 assert 0.9 < said["at_most"] < 1000, said'
 }
+
+@test "hints lead to what works" {
+    vkt make ramp --dims 4 4 4 -o a.nrrd
+    fails_with 2 "vkt convert IN OUT --format NAME" vkt read a.nrrd -o b.foo
+    vkt convert a.nrrd b.foo --format nrrd
+    fails_with 2 "did you mean 'numpy'?" vkt convert a.nrrd -o x.bin --format npy
+    fails_with 2 "did you mean 'hdf5'?" vkt convert a.nrrd -o x.bin --format h5
+    fails_with 4 "cannot open 'nofile.nrrd'" vkt split nofile.nrrd -o 'a%d.nrrd'
+    for option in "--endian big" "--skip 5" "--dtype uint8"; do
+        fails_with 2 "'a.nrrd' is nrrd, which says itself what it holds" vkt read a.nrrd $option -o i.nrrd
+    done
+    fails_with 2 "it does to --render-algo implicit-iso" vkt render a.nrrd --iso 3 -o d.png
+}

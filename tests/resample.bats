@@ -794,3 +794,24 @@ EOF
         done
     done
 }
+
+@test "units of lengths are seen as frames are: two volumes meet in one of them" {
+    vkt make ramp --dims 8 7 6 --dtype int16 | vkt set --origin 3,0,-2 -o a.nrrd
+    for unit in mm um; do vkt edit a.nrrd --attribute "space units=\"$unit\" \"$unit\" \"$unit\"" -o $unit.nrrd; done
+    vkt edit a.nrrd --spacing 0.001,0.001,0.001 --origin 0.003,0,-0.002 --attribute 'space units="mm" "mm" "mm"' -o same.nrrd
+    run -1 vkt diff mm.nrrd um.nrrd --geometry
+    vkt diff um.nrrd same.nrrd --geometry
+    vkt diff same.nrrd um.nrrd --geometry
+    fails_with 2 "different places" vkt arith sub mm.nrrd um.nrrd -o o.nrrd
+    fails_with 2 "--mask lies at another place" vkt stats mm.nrrd --mask um.nrrd
+    vkt arith sub same.nrrd um.nrrd | vkt stats --json | grep '"max": 0'
+    vkt resample um.nrrd --like same.nrrd -o on.nrrd
+    vkt diff on.nrrd same.nrrd --geometry
+    vkt info on.nrrd | grep 'space units: "mm" "mm" "mm"'
+    vkt affine '1 0 0 0 0 1 0 0 0 0 1 0' um.nrrd --like same.nrrd | vkt diff - same.nrrd --geometry
+    # Who says no unit is taken by its numbers.
+    vkt diff a.nrrd um.nrrd --geometry
+    # Of a series the first one's unit is kept.
+    vkt write '[us]*m*.nrrd' series.nrrd
+    vkt read series.nrrd --index 1 | vkt diff - um.nrrd --geometry
+}

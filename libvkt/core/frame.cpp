@@ -5,8 +5,11 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -27,6 +30,28 @@ Anatomical const* find(std::string_view frame) {
     for (auto const& a : anatomical)
         if (a.name == frame) return &a;
     return nullptr;
+}
+
+/// Of lengths along all axes of the world, in millimetres; none if they differ, or nobody says or knows it.
+std::optional<double> length_unit(Header const& header) {
+    auto const found = header.attributes.find("space units");
+    if (found == header.attributes.end()) return std::nullopt;
+    for (auto const& [name, millimetres] :
+         {std::pair{"mm", 1.0}, {"um", 1e-3}, {"nm", 1e-6}, {"angstrom", 1e-7}, {"cm", 10.0}, {"m", 1e3}})
+        if (found->second == text("\"", name, "\" \"", name, "\" \"", name, "\"")) return millimetres;
+    return std::nullopt;
+}
+
+/// The lattice of `other` in the unit of `here`, if both say theirs.
+void measure_in(Header const& here, Header const& other, Geometry& g) {
+    std::optional<double> const mine = length_unit(here), its = length_unit(other);
+    if (!mine || !its || *mine == *its) return;
+    double const larger = std::max(*mine, *its), smaller = std::min(*mine, *its), ratio = std::round(larger / smaller);
+    auto const scaled = [&](double v) { return *its > *mine ? v * ratio : v / ratio; };
+    for (int axis = 0; axis < 3; ++axis) {
+        g.spacing[axis] = scaled(g.spacing[axis]);
+        g.origin[axis] = scaled(g.origin[axis]);
+    }
 }
 
 std::string said(std::string const& frame) { return frame.empty() ? "unknown" : frame; }
@@ -72,12 +97,24 @@ Geometry geometry_beside(Header const& here, Header const& other) {
                     text("the world's axes mean different things: the frame of one volume is ", said(mine),
                          ", that of the other ", said(its)),
                     text("if they are the same, say so: vkt set --attribute space=", mine.empty() ? its : mine));
-    return geometry_in(mine, other);
+    Geometry g = geometry_in(mine, other);
+    measure_in(here, other, g);
+    return g;
+}
+
+void take_world(Header const& like, Header& header) {
+    header.attributes.erase("space");
+    for (char const* const name : {"space", "space units"})
+        if (auto const found = like.attributes.find(name); found != like.attributes.end())
+            header.attributes[name] = found->second;
 }
 
 bool same_place(Header const& a, Header const& b) {
     std::string const frame = frame_of(a);
-    return comparable_frames(frame, frame_of(b)) && same_geometry(a.geometry, geometry_in(frame, b));
+    if (!comparable_frames(frame, frame_of(b))) return false;
+    Geometry g = geometry_in(frame, b);
+    measure_in(a, b, g);
+    return same_geometry(a.geometry, g);
 }
 
 } // namespace vkt

@@ -23,9 +23,12 @@ bool comparable_frames(std::string_view a, std::string_view b);
 
 /// The header's lattice in a frame comparable with its own; in any other it is returned as it is.
 Geometry geometry_in(std::string_view frame, Header const& header);
-/// The lattice of `other` in the frame of `here`. Throws Error{usage} if their frames cannot be compared.
+/// The lattice of `other` in the frame of `here`, and in its unit of lengths if both say theirs. Throws Error{usage} if
+/// their frames cannot be compared.
 Geometry geometry_beside(Header const& here, Header const& other);
-/// True if both lattices are the same in a common frame, as same_geometry has it.
+/// What a header says of the frame and the unit in which the numbers of its lattice, taken from `like`, are meant.
+void take_world(Header const& like, Header& header);
+/// True if both lattices are the same in a common frame and unit, as same_geometry has it.
 bool same_place(Header const& a, Header const& b);
 
 } // namespace vkt

@@ -44,11 +44,14 @@ bool holds_parts(Format const& format) {
 
 Format const& by_format_name(std::string const& name) {
     std::vector<std::string> names;
+    std::string near;
     for (auto const& format : formats()) {
         if (format.name == lower_case(name)) return format;
         names.push_back(format.name);
+        auto const& ends = format.extensions;
+        if (std::find(ends.begin(), ends.end(), "." + lower_case(name)) != ends.end()) near = format.name;
     }
-    std::string const near = nearest_name(lower_case(name), names);
+    if (near.empty()) near = nearest_name(lower_case(name), names);
     throw Error(ErrorKind::usage, text("'", name, "' is not a format; known are ", join(names, " ")),
                 near.empty() ? "" : text("did you mean '", near, "'?"));
 }
@@ -142,6 +145,14 @@ std::string writable_extensions() {
                 text("name that: ", shell_quoted(whole)));
 }
 
+/// Options that describe bare voxels, of a file that says itself what it holds.
+void refuse_description(std::string const& name, std::span<std::byte const> head) {
+    for (auto const& format : formats())
+        if (format.open && format.recognise && format.name != "raw" && format.recognise(head))
+            throw Error(ErrorKind::usage, text("'", name, "' is ", format.name, ", which says itself what it holds"),
+                        "leave out --dtype, --skip and --endian; with --dims they describe it as bare voxels");
+}
+
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (bytes.directory() && options.format.empty()) {
         if (is_amrex(bytes.name())) return by_format_name("amrex");
@@ -170,8 +181,11 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
             throw Error(ErrorKind::usage, text("dims, dtype, skip and endian describe raw files, not ", format.name));
         return format;
     }
-    if (describes_raw(options)) return by_format_name("raw");
     auto head = bytes.peek(head_bytes);
+    if (describes_raw(options)) {
+        if (!options.dims) refuse_description(bytes.name(), head); // with dims it is what the user says
+        return by_format_name("raw");
+    }
     std::vector<std::byte> unpacked;
     if (wrapper_of(head) != Wrapper::none) {
         unpacked = unwrapped_head(bytes.peek(packed_head_bytes), head_bytes);
@@ -299,8 +313,9 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
     }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
-                    names_foreign_picture(path) ? std::string("pictures are written as .png, .pgm, .pfm and .exr")
-                                                : text("say --format, or use one of ", writable_extensions()));
+                    names_foreign_picture(path)
+                        ? std::string("pictures are written as .png, .pgm, .pfm and .exr")
+                        : text("use one of ", writable_extensions(), "; or say it: vkt convert IN OUT --format NAME"));
     if (is_segment(path) && format->name != "shm")
         throw Error(ErrorKind::usage, text("--format ", format->name, ": '", path, "' is shared memory and no file"),
                     text("a file of that name is ./", path));

@@ -56,7 +56,6 @@ ReadOptions ReadRequest::options() const {
     ReadOptions options = options_;
     if (!endian_) return options;
     options.big_endian = endian_ == Endian::big;
-    options.format = "raw";
     return options;
 }
 

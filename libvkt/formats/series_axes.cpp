@@ -68,6 +68,9 @@ std::vector<std::string> keep_common(Header& first, Header const& other) {
     std::erase_if(first.attributes, [&](auto const& attribute) {
         auto const found = other.attributes.find(attribute.first);
         if (found != other.attributes.end() && found->second == attribute.second) return false;
+        // Seen from the first volume all lie where it does (check_lattice).
+        bool const place = attribute.first == "space" || attribute.first == "space units";
+        if (place && found != other.attributes.end()) return false;
         gone.push_back(attribute.first);
         return true;
     });

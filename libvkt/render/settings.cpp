@@ -226,10 +226,23 @@ bool holds_back_light(RenderSettings const& settings, Algorithm algorithm) {
     return (settings.shadows && algorithm == Algorithm::ray_marching) || settings.ambient_occlusion > 0;
 }
 
+namespace {
+
+/// "ray-marching, implicit-iso"
+std::string takers_of(std::string_view option) {
+    std::string names;
+    for (Algorithm const algorithm : {Algorithm::ray_marching, Algorithm::implicit_iso, Algorithm::multi_scattering})
+        if (applies(option, algorithm)) names += text(names.empty() ? "" : ", ", enum_name(algorithm));
+    return names;
+}
+
+} // namespace
+
 void SettingsParameters::refuse_misfits() const {
     for (Use const& use : uses)
         if (!applies(use.option, algorithm_) && list_->given(use.option))
-            refuse(text("--", use.option, " does not apply to --render-algo ", enum_name(algorithm_)));
+            refuse(text("--", use.option, " does not apply to --render-algo ", enum_name(algorithm_)),
+                   text("it does to --render-algo ", takers_of(use.option)));
     auto const exclude = [&](std::string_view a, std::string_view b) {
         if (list_->given(a) && list_->given(b)) refuse(text("--", a, " and --", b, " exclude each other"));
     };

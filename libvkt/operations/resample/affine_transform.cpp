@@ -114,9 +114,7 @@ Placement AffineTransform::place_result(Header const& input, Header& output) con
         Header const& like = like_.header();
         output.dims = like.dims;
         output.geometry = like.geometry;
-        output.attributes.erase("space");
-        if (auto const space = like.attributes.find("space"); space != like.attributes.end())
-            output.attributes["space"] = space->second;
+        take_world(like, output);
         if (!(like.dims == input.dims && same_place(like, input))) output.part.reset();
         Affine const grid = index_to_index(geometry_beside(input, like), input.geometry);
         return place(composed(source_map(whole), grid), like.dims);

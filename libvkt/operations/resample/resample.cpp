@@ -167,9 +167,7 @@ ResampleKernel Resample::kernel_of(Layout const& layout, int axis) const {
 void Resample::take_grid(Header const& input, Header& output) const {
     Header const& like = like_.header();
     output.geometry = like.geometry;
-    output.attributes.erase("space");
-    if (auto const space = like.attributes.find("space"); space != like.attributes.end())
-        output.attributes["space"] = space->second;
+    take_world(like, output);
     if (!(like.dims == input.dims && same_place(like, input))) output.part.reset();
 }
 
