@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "shell/command.h"
 
+#include <algorithm>
+#include <array>
+#include <string_view>
 #include <utility>
 
 namespace vkt::shell {
@@ -16,7 +19,7 @@ public:
 
     void parameters(Parameters& list) override {
         render_->parameters(list);
-        std::erase_if(list.all(), [](Parameter const& p) { return p.name == "window"; });
+        std::erase_if(list.all(), [](Parameter const& p) { return std::ranges::count(of_files, p.name) > 0; });
     }
     void check() const override { render_->check(); }
     bool shows() const override { return true; }
@@ -33,6 +36,11 @@ public:
     }
 
 private:
+    /// What is for pictures that are written. There is a window without asking for one.
+    static constexpr std::array<std::string_view, 12> of_files{"window",   "tolerance", "noise", "time",
+                                                               "annotate", "caption",   "font",  "keyframes",
+                                                               "frames",   "orbit",     "depth", "tiles"};
+
     std::unique_ptr<Consumer> render_;
 };
 

@@ -31,3 +31,10 @@ setup_more() { vkt make noise --dims 9 7 5 --dtype uint8 -o v.nrrd; }
         [ ! -s out ]
     done
 }
+
+@test "options of pictures in files are none of a window's" {
+    vkt make ramp --dims 4 4 4 -o a.nrrd
+    for option in "--tolerance 1" "--annotate" "--orbit 4" "--tiles 1/2" "--depth 16"; do
+        fails_with 2 "unknown option" vkt view $option a.nrrd
+    done
+}
