@@ -206,25 +206,23 @@ template <class Row> void draw_legend(Canvas& canvas, std::size_t count, Color c
     std::vector<TextLine> lines;
     std::vector<Color> colors;
     int widest = 0;
-    auto const add = [&](std::string const& words) {
-        lines.push_back(canvas.text(words));
-        widest = std::max(widest, lines.back().width);
-    };
     for (std::size_t i = 0; i < shown; ++i) {
         LegendRow const one = row(i);
         colors.push_back(one.color);
-        add(fitting(canvas, one.words, canvas.width() / 3));
+        lines.push_back(canvas.text(fitting(canvas, one.words, canvas.width() / 3)));
+        widest = std::max(widest, lines.back().width);
     }
-    if (shown < count) add(text(shown > 0 ? "and " : "", static_cast<std::int64_t>(count - shown), " more"));
     int const x1 = canvas.width() - size - widest - size / 2, x0 = x1 - size;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        int const y = top + static_cast<int>(i) * pitch;
-        if (i < shown) {
-            canvas.box(x0, y, x1, y + size, colors[i]);
-            canvas.frame(x0, y, x1, y + size, ink);
-        }
+    int y = top;
+    for (std::size_t i = 0; i < shown; ++i, y += pitch) {
+        canvas.box(x0, y, x1, y + size, colors[i]);
+        canvas.frame(x0, y, x1, y + size, ink);
         canvas.put(lines[i], x1 + size / 2, y + (size - lines[i].height) / 2, ink);
     }
+    if (shown == count) return;
+    // It is longer than most names, which it does not move to the left.
+    TextLine const more = canvas.text(text(shown > 0 ? "and " : "", static_cast<std::int64_t>(count - shown), " more"));
+    canvas.put(more, std::min(x0, canvas.width() - size - more.width), y + (size - more.height) / 2, ink);
 }
 
 void draw_surfaces(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
