@@ -110,3 +110,23 @@ END
     mkdir empty
     fails_with 4 'it is a directory, and holds neither DICOM files nor slices' vkt info empty
 }
+
+@test "a number that is missing among the slices of a folder is said, and names that differ" {
+    mkdir g h
+    vkt make noise --dims 5 4 6 --dtype uint8 -q | vkt write - g/s%d.png
+    run --separate-stderr vkt info g
+    [[ "$stderr" != *missing* ]]
+    cp g/s0.png h/a_1_488nm.png
+    cp g/s1.png h/a_2_488nm.png
+    run --separate-stderr vkt info h
+    [[ "$stderr" != *follows* ]]
+    cp g/s1.png h/b_1_488nm.png
+    run --separate-stderr vkt convert h -o h.nrrd
+    [ "$status" -eq 0 ]
+    [[ "$stderr" == *"'h': files of several names make one volume: b_1_488nm.png follows a_2_488nm.png"* ]]
+    rm g/s3.png
+    run --separate-stderr vkt info g
+    [[ "$stderr" == *"'g': a slice may be missing: s4.png follows s2.png"* ]]
+    run --separate-stderr vkt info g/s%d.png
+    [[ "$stderr" == *"a slice may be missing"* ]]
+}

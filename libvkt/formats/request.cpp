@@ -60,8 +60,9 @@ ReadOptions ReadRequest::options() const {
 }
 
 std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
-    return open_path(path,
-                     [options = options()](std::string const& one) { return open_volume(open_bytes(one), options); });
+    return open_path(
+        path, [options = options()](std::string const& one) { return open_volume(open_bytes(one), options); },
+        options_.notice);
 }
 
 std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,

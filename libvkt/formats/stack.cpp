@@ -14,6 +14,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <utility>
 
 namespace vkt {
@@ -362,13 +363,46 @@ std::vector<std::string> slices_in(std::string const& path) {
     return matching_files((fs::path(path) / ("*" + kinds.front())).string());
 }
 
+/// By how much the number in which two names differ grows; none if they differ in something else.
+std::optional<std::int64_t> distance_of(std::string const& a, std::string const& b) {
+    auto const is_digit = [](char c) { return c >= '0' && c <= '9'; };
+    auto begin = static_cast<std::size_t>(std::ranges::mismatch(a, b).in1 - a.begin());
+    while (begin > 0 && is_digit(a[begin - 1])) --begin;
+    auto const end_of = [&](std::string const& name) {
+        std::size_t end = begin;
+        while (end < name.size() && is_digit(name[end])) ++end;
+        return end;
+    };
+    std::size_t const of_a = end_of(a), of_b = end_of(b);
+    if (of_a == begin || of_b == begin || std::max(of_a, of_b) - begin > 18) return std::nullopt;
+    if (a.substr(of_a) != b.substr(of_b)) return std::nullopt;
+    return parse_integer(b.substr(begin, of_b - begin)) - parse_integer(a.substr(begin, of_a - begin));
+}
+
+/// Where the names of slices do not go on as they began; empty where they do.
+std::string gap_in(std::vector<std::string> const& paths) {
+    std::optional<std::int64_t> step;
+    for (std::size_t i = 1; i < paths.size(); ++i) {
+        std::string const a = std::filesystem::path(paths[i - 1]).filename().string(),
+                          b = std::filesystem::path(paths[i]).filename().string();
+        std::optional<std::int64_t> const apart = distance_of(a, b);
+        if (apart && *apart == step.value_or(*apart))
+            step = apart;
+        else
+            return text(apart ? "a slice may be missing" : "files of several names make one volume", ": ", b,
+                        " follows ", a);
+    }
+    return {};
+}
+
 } // namespace
 
-std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open) {
+std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open, Notice const& notice) {
     std::error_code failed;
     bool const numbered =
         path.find('%') != std::string::npos && !std::filesystem::exists(path, failed) && is_numbered(path);
     auto const paths = numbered ? matching_files(path) : slices_in(path);
+    if (std::string const gap = gap_in(paths); notice && !gap.empty()) notice(text("'", path, "': ", gap));
     if (!paths.empty()) return stacked(paths, open, std::nullopt, false, {});
     auto const files = matching_files(path);
     return files.size() == 1 ? open(files.front()) : series_source(files, open);

@@ -23,6 +23,8 @@ template <> struct EnumNames<StackAxis> {
 };
 
 using OpenInput = std::function<std::unique_ptr<Source>(std::string const& path)>;
+/// Told what is odd and no error, in one line.
+using Notice = std::function<void(std::string const&)>;
 
 /// The volumes of these inputs in the order named. Along z they become one volume: all headers are read first, and must
 /// agree in extent along x and y, type, value map, unit and orientation. Inputs without a place of their own (all of
@@ -43,7 +45,7 @@ std::unique_ptr<Source> stacked_dicom(std::vector<std::string> const& paths, Ope
 
 /// What a path stands for: the volume that its slices make, for a folder of pictures or TIFF files, or a path with a
 /// number's place (slice%04d.tif); the volumes of all files that a pattern matches, one after another; or a file.
-std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open);
+std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open, Notice const& notice = {});
 
 /// The slices of each volume of a source, one after another, each a volume with its place in the world. Error{usage}
 /// for hierarchical volumes.

@@ -186,7 +186,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const&
         formats_[path] = format_;
         return source;
     };
-    return open_path(path, open_one);
+    return open_path(path, open_one, [this, &stage](std::string const& message) { log_.note(stage.stage(), message); });
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
