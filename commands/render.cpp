@@ -76,10 +76,10 @@ public:
                 throw Error(ErrorKind::usage, "--annotate and --caption are for pictures that are written",
                             "give -o FILE; in a window, v shows a colour bar, a scale bar and the axes");
             if (options_.cameras().size() > 1 || options_.has_keyframes())
-                throw Error(ErrorKind::usage,
-                            text(options_.has_keyframes() ? "--keyframes" : "--orbit",
-                                 " is for pictures that are written"),
-                            "give -o picture-%04d.png");
+                throw Error(
+                    ErrorKind::usage,
+                    text(options_.has_keyframes() ? "--keyframes" : "--orbit", " is for pictures that are written"),
+                    "give -o picture-%04d.png");
             if (depth_ || settings.parts > 1)
                 throw Error(ErrorKind::usage,
                             text("--", depth_ ? "depth" : "tiles", " is for pictures that are written"),

@@ -121,11 +121,14 @@ for type in uint8 uint16 int16 float32 float64; do
         echo "0.9 -0.3 0 2  0.4 0.8 0 -1  0 0 1 7" >shifted.txt
         same 0 "$vkt affine shifted.txt even_$type.nrrd -q"
     fi
-    for expression in 'v*2+1' 'sqrt(abs(v-20))' 'v[1,0,0]-v[-1,0,0]+v[0,2,-1]' 'v>30 ? sin(x/7)+cos(wy) : mod(v, 7)' \
+    for expression in v 7.25 x wy 'z*2' 'v[0,3,0]' 'v*2+1' 'sqrt(abs(v-20))' 'v[1,0,0]-v[-1,0,0]+v[0,2,-1]' 'v>30 ? sin(x/7)+cos(wy) : mod(v, 7)' \
         'max(min(v,50),3)+nz*hypot(x,y)' 'exp(-v/50)*log(1+v)' 'atan2(v,x+1)+pow(v,0.5)' 'clamp(v,10,20)+floor(z/3)' '1/(v-50)'; do
         same "$tolerance" "$vkt transform '$expression' in_$type.nrrd -q"
     done
     same "$tolerance" "$vkt transform 'v+a*0.5' in_$type.nrrd in_float32.nrrd -q"
+    for expression in 'v[0,0,17]' 'v[0,0,40]-v[0,0,-2]' 'v[0,0,-20]' 'v[1,2,128]+v[0,0,-128]'; do
+        same "$tolerance" "$vkt read in_$type.nrrd | $vkt transform '$expression' --slab 5 -q"
+    done
     for command in sobel gradient laplacian 'log --sigma 1.5' 'dog --sigma 1' 'sharpen --sigma 1' 'gradient --roi 5:50,:,:' \
         'kernel cube.txt' 'kernel cross.txt --boundary wrap' 'kernel long.txt' 'kernel five.txt --boundary border:3'; do
         same 1e-5 "$vkt filter $command in_$type.nrrd -q"

@@ -82,7 +82,9 @@ template <class C> struct Run {
         for (int i = 0; i < m.step_count; ++i) {
             Step const step = m.steps[i];
             C value{};
-            if (step.operands == 0)
+            if (step.op == Op::number) // a voxel, a position or a number as it is
+                value = slot[step.in[0]];
+            else if (step.operands == 0)
                 value = static_cast<C>(position_of(m.place, step.op, px, py, pz));
             else if (step.operands == 1)
                 with_one<C>(step.op, [&](auto const f) { value = static_cast<C>(f(slot[step.in[0]])); });
