@@ -230,7 +230,7 @@ assert 0.9 < said["at_most"] < 1000, said'
 
 @test "hints lead to what works" {
     vkt make ramp --dims 4 4 4 -o a.nrrd
-    fails_with 2 "vkt convert IN OUT --format NAME" vkt read a.nrrd -o b.foo
+    fails_with 2 "vkt write and vkt convert take others with --format" vkt read a.nrrd -o b.foo
     vkt convert a.nrrd b.foo --format nrrd
     fails_with 2 "did you mean 'numpy'?" vkt convert a.nrrd -o x.bin --format npy
     fails_with 2 "did you mean 'hdf5'?" vkt convert a.nrrd -o x.bin --format h5

@@ -466,3 +466,33 @@ END
         wait "$command" || { cat log >&2; false; }
     done
 }
+
+@test "what is not taken is refused, and what is lent is given back" {
+    python <<'END'
+import sys, threading
+# Directions of another length are spacing: the same places.
+long = vkt.Volume(volume.array, direction=2 * np.eye(3), spacing=1)
+assert np.array_equal(long.direction, np.eye(3)) and long.spacing == (2, 2, 2), (long.direction, long.spacing)
+# An order of bytes that would be lost.
+np.arange(12, dtype=">i2").tofile("big.raw")
+try: vkt.read("big.raw", dims=(2, 3, 2), dtype=np.dtype(">i2"))
+except vkt.Error as error: assert error.exit_code == 2 and "endian='big'" in error.hint, error
+else: raise AssertionError
+assert vkt.read("big.raw", dims=(2, 3, 2), dtype=np.dtype("i2"), endian="big").array.max() == 11
+for wrong in dict(threads=2**32 + 1), dict(memory=-1), dict(memory=2**70):
+    try: vkt.policy(**wrong)
+    except vkt.Error as error: assert str(next(iter(wrong.values()))) in str(error), error
+    else: raise AssertionError(wrong)
+# Mistakes name their column.
+try: vkt.transform(volume, "foo(v)")
+except vkt.Error as error: assert "column 1" in str(error), error
+else: raise AssertionError
+assert np.array_equal(vkt.transform(volume, "-v + 1", dtype="int16").array, 1 - volume.array.astype("i2"))
+# The interpreter's hook is the one that it was, whatever threads did.
+hook, small = sys.unraisablehook, vkt.crop(volume, roi="0:12,0:12,0:12")
+threads = [threading.Thread(target=lambda: [vkt.transform(small, lambda x, y, z, v: v) for _ in range(10)]) for _ in range(4)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+assert sys.unraisablehook is hook
+END
+}

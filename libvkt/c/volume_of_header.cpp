@@ -5,8 +5,11 @@
 
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -36,6 +39,12 @@ Header header_of(char const* json, std::size_t bytes) {
     if (header.kind == Kind::hierarchical)
         throw Error(ErrorKind::data, "a hierarchical volume is no box of voxels", "a stream can hold it");
     header.dry_run = header.timing = false;
+    // Directions are of length 1, and what they are longer is spacing: the same places.
+    for (int axis = 0; axis < 3; ++axis) {
+        Vec3 const direction = header.geometry.direction[static_cast<std::size_t>(axis)];
+        if (std::abs(length(direction) - 1) > 1e-9)
+            set_axis(header.geometry, axis, direction * header.geometry.spacing[axis], "the direction");
+    }
     mark_as_given(header);
     if (bytes != header.bytes())
         throw Error(ErrorKind::usage, text("the voxels are ", static_cast<std::uint64_t>(bytes), " bytes, not ",

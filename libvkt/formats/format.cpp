@@ -313,9 +313,9 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
     }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
-                    names_foreign_picture(path)
-                        ? std::string("pictures are written as .png, .pgm, .pfm and .exr")
-                        : text("use one of ", writable_extensions(), "; or say it: vkt convert IN OUT --format NAME"));
+                    names_foreign_picture(path) ? std::string("pictures are written as .png, .pgm, .pfm and .exr")
+                                                : text("use one of ", writable_extensions(),
+                                                       "; vkt write and vkt convert take others with --format"));
     if (is_segment(path) && format->name != "shm")
         throw Error(ErrorKind::usage, text("--format ", format->name, ": '", path, "' is shared memory and no file"),
                     text("a file of that name is ./", path));

@@ -305,6 +305,8 @@ void SettingsParameters::check() const {
     // One pixel of a small volume with one setting at a time: the renderer says itself what it cannot use, before
     // anything is read.
     Volume volume(Header{});
+    AnyView const voxels = volume.mutable_view();
+    std::fill_n(voxels.data, voxels.bytes(), std::byte{0});
     Renderer const renderer(volume, {});
     auto const try_out = [&](std::string_view option, auto const& choose) {
         if (!list_->given(option)) return;

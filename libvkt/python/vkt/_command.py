@@ -61,7 +61,7 @@ def slim(volume: "Volume | np.ndarray", *, for_: str, within: float, told: "list
 
 def view(volume: "Volume | np.ndarray | str | os.PathLike[str]", *, wait: bool = True,
          **options: Any) -> "subprocess.Popen[bytes] | None":
-    """Shows a volume, or a file, in a window, with the options of `vkt view` (man vkt-view): view(volume, iso=300). Returns
+    """Shows a volume, or a file, in a window, with the options of `vkt view` (man vkt-view): view(volume, elevation=30). Returns
     when the window is closed; with wait=False at once, what was started. Without a display it is an error that says
     so."""
     words, source = _words(["view"], [volume], options)

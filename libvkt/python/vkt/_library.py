@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 import ctypes
 import os
+import sys
 import threading
 
 import numpy as np
@@ -215,6 +216,8 @@ def value_word(value):
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
     if isinstance(value, (type, np.dtype)):
+        if np.dtype(value).byteorder not in ("=", "|", "<" if sys.byteorder == "little" else ">"):
+            raise Error(f"{np.dtype(value).str} is a type in another order of bytes", 2, "endian='big' reads such files")
         return np.dtype(value).name
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 

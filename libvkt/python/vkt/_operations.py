@@ -9,6 +9,7 @@ import os
 import shlex
 import sys
 import textwrap
+import threading
 import typing
 import warnings
 from typing import Any, Literal, Mapping, Sequence  # noqa: F401  what annotations name
@@ -108,10 +109,40 @@ def transform(volume: "Volume", what: Any, *others: "Volume", **options: Any) ->
     return transformed(volume, what, others, options)
 
 
+class _Unraisable:
+    """Catches what a signal raises as the interpreter enters a function of a voxel, where no "try" holds yet. Several
+    threads share the hook of the interpreter, which is put back when the last of them is done."""
+    _lock, _running, _before = threading.Lock(), {}, None
+
+    def __init__(self, function, raised):
+        self._function, self._raised = function, raised
+
+    def __enter__(self):
+        with self._lock:
+            if not self._running:
+                _Unraisable._before, sys.unraisablehook = sys.unraisablehook, self._hook
+            self._running[id(self._function)] = self._raised
+
+    def __exit__(self, *_):
+        with self._lock:
+            del self._running[id(self._function)]
+            if not self._running:
+                sys.unraisablehook = _Unraisable._before
+
+    @classmethod
+    def _hook(cls, lost):
+        raised = cls._running.get(id(lost.object))
+        if raised is None:
+            cls._before(lost)
+        else:
+            raised.append(lost.exc_value)
+
+
 def transformed(volume, what, others, options):
     if not callable(what):
         # A blank keeps an expression that begins with a dash from being an option.
-        return applied("transform", ["transform", " " + what, *option_words(options)], [volume, *others])
+        words = " " + what if what.startswith("-") else what
+        return applied("transform", ["transform", words, *option_words(options)], [volume, *others])
     if others:
         raise Error("a function of index and value takes one volume", 2, "an expression takes several")
     raised = []
@@ -125,21 +156,10 @@ def transformed(volume, what, others, options):
             raised.append(error)
             return 0.0
 
-    others_hook = sys.unraisablehook
-
-    def hook(lost):  # a signal that came as the interpreter entered the function, where no "try" holds yet
-        if lost.object is called:
-            raised.append(lost.exc_value)
-        else:
-            others_hook(lost)
-
     handle = ctypes.c_void_p()
-    sys.unraisablehook = hook
-    try:
+    with _Unraisable(called, raised):
         status = library.vkt_transform(volume._handle, VoxelFunction(called), None, *words_of(option_words(options)),
                                        ctypes.byref(handle))
-    finally:
-        sys.unraisablehook = others_hook
     if raised:
         if status == 0:
             library.vkt_free(handle)

@@ -4,7 +4,7 @@ import ctypes
 import threading
 from typing import Any
 
-from ._library import Policy, check, library
+from ._library import Error, Policy, check, library
 
 
 class _Asked(threading.local):
@@ -37,6 +37,9 @@ class policy:
 
     def __init__(self, device: "str | None" = None, threads: "int | None" = None, memory: "int | None" = None):
         self._before = _asked.wishes
+        for name, value, most in ("threads", threads, 4096), ("memory", memory, 2**63 - 1):
+            if value is not None and not 0 <= value <= most:
+                raise Error(f"{name}={value} is not between 0 (the default) and {most}", 2)
         wishes = None if device is None else device.encode(), threads, memory
         _set(tuple(old if new is None else new for old, new in zip(self._before, wishes)))
 
