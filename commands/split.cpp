@@ -41,9 +41,10 @@ private:
     static StackAxis found_out(std::string const& path, Context& context) {
         std::error_code failed;
         std::string const file = file_part(path).file;
-        bool const again = matching_files(path).size() > 1 || std::filesystem::is_regular_file(file, failed) ||
+        bool const again = is_segment(path) || matching_files(path).size() > 1 ||
+                           std::filesystem::is_regular_file(file, failed) ||
                            std::filesystem::is_directory(file, failed);
-        if (!again && path != "-" && !is_segment(path) && !std::filesystem::exists(file, failed))
+        if (!again && path != "-" && !std::filesystem::exists(file, failed))
             static_cast<void>(context.open(path)); // says so
         if (!again)
             throw Error(ErrorKind::usage,

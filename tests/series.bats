@@ -280,3 +280,14 @@ END
     vkt make ramp --dims 6 5 3 --dtype uint16 -o three.nrrd
     fails_with 2 "different dims, types or geometry" vkt write '[ot]*[eo].nrrd' out.nrrd
 }
+
+@test "every second volume of a series lies twice as far apart" {
+    for i in 1 2 3 4; do vkt make noise --dims 5 4 3 --seed $i -o v$i.nrrd; done
+    vkt stack v?.nrrd -o four.tif
+    vkt read four.tif -o four.nii.gz
+    for suffix in nrrd nii.gz mha h5 tif; do
+        vkt read four.nii.gz --index ::2 -o two.$suffix
+        vkt info two.$suffix --json | grep '"sequence step":"2"'
+        vkt read two.$suffix --index 1 | vkt diff - v3.nrrd
+    done
+}

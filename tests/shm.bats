@@ -555,3 +555,11 @@ EOF
     fails_with 5 "the budget is 2.0 MiB" vkt render shm:$seg --memory 2M --size 8 -o p.png
     fails_with 5 "the budget is 2.0 MiB" vkt render big.nrrd --memory 2M --size 8 -o p.png
 }
+
+@test "a segment is split into slices as a file is" {
+    vkt make ramp --dims 5 4 3 --axis z -o v.nrrd
+    vkt write v.nrrd shm:$seg
+    vkt split shm:$seg -o s_%d.nrrd
+    vkt shm remove $seg
+    [ "$(ls s_*.nrrd | wc -l)" -eq 3 ]
+}

@@ -561,3 +561,16 @@ for dtype in ("uint8", "int16", "float32"):
     assert joined["argmin"] == whole["argmin"] and joined["argmax"] == whole["argmax"] and joined["count"] == whole["count"], (joined, whole)
 END
 }
+
+@test "regions with steps along z are read from compressed files and pipes as from files" {
+    vkt make noise --dims 90 100 80 --dtype uint16 -o plain.nrrd
+    vkt convert plain.nrrd -o packed.nrrd --compress
+    for slab in 1 2 3; do
+        for step in 5 7 11; do
+            vkt stats plain.nrrd --roi :,:,::$step --json >want
+            for again in 1 2; do vkt stats packed.nrrd --slab $slab --roi :,:,::$step --json | cmp - want; done
+            cat plain.nrrd | vkt stats - --slab $slab --roi :,:,::$step --json | cmp - want
+            vkt diff plain.nrrd packed.nrrd --slab $slab --roi :,:,::$step >/dev/null
+        done
+    done
+}

@@ -41,8 +41,9 @@ vktDataFormat format_of(char const* name) {
 vktVolumeFile_impl& readable(vktInputStream stream) {
     c::need(stream, "stream");
     vktVolumeFile_impl& file = *stream->source;
-    if (file.mode == vktOpenModeWrite) throw Failed{vktInvalidDataSource};
-    if (!file.volume) throw Failed{vktReadError};
+    if (file.mode == vktOpenModeWrite)
+        fail(vktInvalidDataSource, Error(ErrorKind::usage, text("'", file.path, "' was opened for writing")));
+    if (!file.volume) fail(vktReadError, Error(ErrorKind::io, text("'", file.path, "' could not be read")));
     return file;
 }
 
@@ -70,7 +71,9 @@ void read_next(vktVolumeFile_impl& file, vktStructuredVolume volume, Box const& 
         throw Error(ErrorKind::usage, text("the region ", region, " leaves the volume"));
     Bytes const from = stored(file);
     size_t const bytes = static_cast<size_t>(region.voxels()) * size_of(volume->format);
-    if (file.position > from.size || from.size - file.position < bytes) throw Failed{vktReadError};
+    if (file.position > from.size || from.size - file.position < bytes)
+        fail(vktReadError, Error(ErrorKind::data, text("'", file.path, "' has ", from.size, " bytes of voxels, and ",
+                                                       bytes, " from ", file.position, " on were asked for")));
     std::uint8_t* const to = writable(volume);
     size_t const row = static_cast<size_t>(region.dims().x) * size_of(volume->format);
     for (std::int64_t z = region.lower.z; z < region.upper.z; ++z)
@@ -201,7 +204,8 @@ vktError vktOutputStreamWriteSV(vktOutputStream stream, vktStructuredVolume volu
         needed(volume, "volume");
         c::need(stream, "stream");
         vktVolumeFile_impl const& file = *stream->source;
-        if (file.mode == vktOpenModeRead) throw Failed{vktInvalidDataSource};
+        if (file.mode == vktOpenModeRead)
+            fail(vktInvalidDataSource, Error(ErrorKind::usage, text("'", file.path, "' was opened for reading")));
         char const* const force = "--force";
         if (vkt_write(volume->volume.get(), file.path.c_str(), &force, 1) != VKT_OK) throw Failed{vktWriteError};
     });

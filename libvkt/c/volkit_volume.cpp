@@ -46,6 +46,11 @@ std::vector<char const*> pointers(std::vector<std::string> const& words) {
 
 } // namespace
 
+void fail(vktError error, Error const& why) {
+    (void)c::attempted([&] { throw why; });
+    throw Failed{error};
+}
+
 void attempt(std::function<void()> const& body) noexcept {
     (void)c::attempted([&] {
         try {

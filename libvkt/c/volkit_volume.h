@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/c/volkit.h"
+#include "libvkt/core/error.h"
 #include "libvkt/core/geometry.h"
 
 #include <functional>
@@ -30,6 +31,9 @@ using Owned = std::unique_ptr<vkt_volume, FreeVolume>;
 struct Failed {
     vktError error = vktInvalidValue;
 };
+
+/// Another failure, which vkt_error() then tells. Throws Failed.
+[[noreturn]] void fail(vktError error, Error const& why);
 
 /// Runs the body of a function and prints how long it took, if the thread wants that.
 vktError run(char const* name, std::function<void()> const& body) noexcept;

@@ -86,7 +86,8 @@ private:
 
     /// The slab that holds the first row of a region and its columns, waiting for it; null if it will not come.
     Slab const* slab_with(Box const& region) {
-        if (region.lower.z > served_z_ + cut_.slices) return nullptr; // a jump: not worth reading up to it
+        // A jump is not worth reading up to it, unless all that lies before is read anyway, or was read ahead already.
+        if (region.lower.z > served_z_ + cut_.slices && inner().access() == Access::random) return nullptr;
         if (std::exchange(expects_, false)) start();
         if (!thread_.joinable()) return nullptr;
         std::unique_lock lock(mutex_);

@@ -7,6 +7,7 @@
 #include "libvkt/engine/decorator.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace vkt {
@@ -30,8 +31,14 @@ public:
             ++number_;
         }
         wanted_ += range_.step;
+        further_.reset();
+        if (auto const step = step_of(inner().header()); step && range_.step > 1) {
+            further_ = inner().header();
+            further_->attributes["sequence step"] = to_text(*step * static_cast<double>(range_.step));
+        }
         return true;
     }
+    Header const& header() const override { return further_ ? *further_ : inner().header(); }
     bool rewind() override {
         if (!SourceDecorator::rewind()) return false;
         number_ = -1;
@@ -40,6 +47,7 @@ public:
         return true;
     }
     std::optional<Volume> take_whole() override {
+        if (further_) return std::nullopt; // it has the step of all volumes
         std::optional<Volume> whole = inner().take_whole();
         finished_ = finished_ || whole;
         return whole;
@@ -51,6 +59,12 @@ public:
     std::int64_t parts_to_come() const override { return 0; } // not all of them do
 
 private:
+    /// How far apart the volumes of the source lie in time, where it says so.
+    static std::optional<double> step_of(Header const& header) {
+        auto const found = header.attributes.find("sequence step");
+        if (found == header.attributes.end() || !is_number(found->second)) return std::nullopt;
+        return parse_double(found->second);
+    }
     /// The source has ended: after volumes that were asked for, or before.
     bool end() {
         std::int64_t const count = number_ + 1, needed = range_.end.value_or(range_.first + 1);
@@ -65,9 +79,10 @@ private:
     }
 
     VolumeRange range_;
-    std::int64_t number_ = -1; ///< of the source's current volume
-    std::int64_t wanted_;      ///< that is next
-    bool finished_ = true;     ///< the current one, or it was had whole
+    std::optional<Header> further_; ///< of volumes that are further apart
+    std::int64_t number_ = -1;      ///< of the source's current volume
+    std::int64_t wanted_;           ///< that is next
+    bool finished_ = true;          ///< the current one, or it was had whole
 };
 
 } // namespace

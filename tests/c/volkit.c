@@ -376,11 +376,12 @@ static void files(char const* name) {
     MUST(!vktVolumeFileGood(none) && vktVolumeFileGetHeader(none).dims.x == 0);
     vktInputStreamDestroy(from);
     vktInputStreamCreate(&from, vktVolumeFileGetBase(none));
-    MUST(vktInputStreamReadSV(from, volume) == vktReadError);
+    MUST(vktInputStreamReadSV(from, volume) == vktReadError && strstr(vkt_error(), "missing.nrrd"));
     vktInputStreamDestroy(from);
     vktOutputStreamDestroy(to);
     vktOutputStreamCreate(&to, vktVolumeFileGetBase(in));
     MUST(vktOutputStreamWriteSV(to, volume) == vktInvalidDataSource);
+    MUST(strstr(vkt_error(), "was opened for reading"));
     vktOutputStreamDestroy(to);
     vktVolumeFileDestroy(in), vktVolumeFileDestroy(out), vktVolumeFileDestroy(none);
     vktRawFile raw = NULL, written = NULL;

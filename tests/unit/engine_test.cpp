@@ -507,6 +507,29 @@ TEST(Engine, FoldRepeatsAsOftenAsNeeded) {
     EXPECT_EQ(fold(-1, 4, Boundary::border), -1);
 }
 
+/// Slices that nobody asks for are passed over; what was read ahead beyond them is asked for next.
+TEST(Prefetch, ForwardSourcesMayBeAskedWithGaps) {
+    Volume const input = random_volume({16, 8, 90}, 4);
+    for (std::int64_t const slab : {1, 2, 3, 4}) {
+        for (std::int64_t const step : {1, 5, 7, 11, 30}) {
+            Execution execution;
+            execution.slab = slab;
+            auto const source = prefetch(std::make_unique<ForwardOnly>(volume_source({input})), execution);
+            ASSERT_TRUE(source->next_volume());
+            source->expect(box_of(input.header().dims));
+            for (std::int64_t z = 3; z < 90; z += step) {
+                Box slice = box_of(input.header().dims);
+                slice.lower.z = z, slice.upper.z = z + 1;
+                Volume result(input.header());
+                source->read(result.mutable_view().part(slice));
+                EXPECT_EQ(std::memcmp(result.view().part(slice).data, input.view().part(slice).data, 16 * 8 * 4), 0)
+                    << z;
+                if (z == 3) std::this_thread::sleep_for(std::chrono::milliseconds(5)); // time enough to read ahead
+            }
+        }
+    }
+}
+
 /// What a consumer expects it may say more than once before it asks. What was read ahead meanwhile would be gone.
 TEST(Prefetch, ForwardSourcesMayBeExpectedTwice) {
     Volume const input = random_volume({16, 8, 64}, 3);
