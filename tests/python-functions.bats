@@ -495,4 +495,13 @@ for thread in threads: thread.start()
 for thread in threads: thread.join()
 assert sys.unraisablehook is hook
 END
+    # The interpreter ends while a thread is in the library.
+    for again in 1 2 3; do
+        python <<'END'
+import threading, time
+large = vkt.make.noise(dims=(100, 100, 100))
+threading.Thread(target=lambda: vkt.transform(large, lambda x, y, z, v: v), daemon=True).start()
+time.sleep(0.3)
+END
+    done
 }

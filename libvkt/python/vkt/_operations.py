@@ -1,5 +1,6 @@
 """Operations: by name and words, and as functions whose signatures and help are those of the library's registry."""
 # SPDX-License-Identifier: MIT
+import atexit
 import ctypes
 import functools
 import inspect
@@ -10,6 +11,7 @@ import shlex
 import sys
 import textwrap
 import threading
+import time
 import typing
 import warnings
 from typing import Any, Literal, Mapping, Sequence  # noqa: F401  what annotations name
@@ -130,12 +132,25 @@ class _Unraisable:
                 sys.unraisablehook = _Unraisable._before
 
     @classmethod
+    def end(cls):
+        """Before the interpreter ends: a thread that asked for it from inside of the library would be torn out of it."""
+        with cls._lock:
+            for raised in cls._running.values():
+                raised.append(SystemExit())
+        last = time.monotonic() + 5
+        while cls._running and time.monotonic() < last:
+            time.sleep(0.002)
+
+    @classmethod
     def _hook(cls, lost):
         raised = cls._running.get(id(lost.object))
         if raised is None:
             cls._before(lost)
         else:
             raised.append(lost.exc_value)
+
+
+atexit.register(_Unraisable.end)
 
 
 def transformed(volume, what, others, options):
