@@ -126,7 +126,7 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
         methods+=" $method"
     done
     [[ $methods == *nearest*linear* ]]
-    run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 1% --explain -n in.vkt -o out.vkt
+    run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 1% --explain -n in.vkt -o out.vkt --force
     [[ $stderr == *"lanczos3 within 1% of the value range"*"error about 0.01"*" of the value range"* && $stderr != *"estimated error"* ]]
 }
 

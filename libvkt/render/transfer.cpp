@@ -79,7 +79,8 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
     return transfer;
 }
 
-/// Of a line from black to white: so none is off by more than an eighth of a display level.
+/// Chords between two colours: from black to white so many that none is off by more than an eighth of a display level.
+constexpr int fewest_chords = 16;
 constexpr double chords_of_full_range = 48;
 
 double Rescaling::of(double stored) const { return std::clamp(stored * scale - offset * scale, -limit, limit); }
@@ -101,8 +102,9 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
             ControlPoint const& o = transfer.points[i - 1];
             double const apart = std::max({std::abs(p.color.red - o.color.red), std::abs(p.color.green - o.color.green),
                                            std::abs(p.color.blue - o.color.blue)});
-            bool const straight = transfer.linear_colors || o.value == p.value;
-            int const parts = straight ? 1 : std::max(1, static_cast<int>(std::ceil(chords_of_full_range * apart)));
+            bool const straight = transfer.linear_colors || o.value == p.value || apart == 0;
+            int const parts =
+                straight ? 1 : std::max(fewest_chords, static_cast<int>(std::ceil(chords_of_full_range * apart)));
             for (int k = 1; k < parts; ++k) {
                 double const f = k / static_cast<double>(parts);
                 auto const mix = [f](double a, double b) { return std::lerp(a, b, f); };
