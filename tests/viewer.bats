@@ -161,8 +161,7 @@ PY
     titled ' ms'
     saves volume.png
     xdotool key n
-    sleep 1
-    titled ' ms.*'
+    titled ', volume 2.* ms'
     saves volume-2.png
     xdotool key n
     titled 'this is the last volume'
