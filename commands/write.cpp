@@ -83,24 +83,20 @@ private:
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
             auto const told = std::make_shared<std::string>(); // of many files one line
-            auto const create = [this, &context, told](std::string const& path, std::int64_t files,
-                                                       std::shared_ptr<HeldFiles> const& held) {
-                Execution const& execution = context.execution();
-                WriteOptions options = request_.options();
-                options.notice = [&context, told](std::string const& message) {
-                    if (std::exchange(*told, message) != message) context.lossy(message);
-                };
-                options.remark = [&context, told](std::string const& message) {
-                    if (std::exchange(*told, message) != message) context.note(message);
-                };
-                options.memory = execution.memory;
-                options.threads = execution.threads;
-                options.files = files;
-                options.held = held;
-                return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
+            WriteOptions options = request_.options();
+            options.notice = [&context, told](std::string const& message) {
+                if (std::exchange(*told, message) != message) context.lossy(message);
             };
-            if (!is_numbered(out())) return create(numbered_path(out(), 0), 1, nullptr);
-            return numbered_sink(out(), holds_slices(out(), request_.options().format), create);
+            options.remark = [&context, told](std::string const& message) {
+                if (std::exchange(*told, message) != message) context.note(message);
+            };
+            options.memory = context.execution().memory;
+            options.threads = context.execution().threads;
+            auto const create = [this](std::string const& path, WriteOptions const& own) {
+                return stream() ? ipc::create_stream_file(path, own.force, true) : create_volume(path, own);
+            };
+            if (!is_numbered(out())) return create(numbered_path(out(), 0), options);
+            return numbered_sink(out(), holds_slices(out(), options.format), options, create);
         }
         ipc::StreamOptions stream_options;
         stream_options.stage = context.stage_info().name;

@@ -71,14 +71,11 @@ History ReadWords::step(std::string const& path, std::int64_t volume) const {
 std::unique_ptr<Sink> file_sink(std::string const& path, WriteOptions options, Execution const& execution) {
     options.memory = execution.memory;
     options.threads = execution.threads;
-    auto const create = [options](std::string const& one, std::int64_t files, std::shared_ptr<HeldFiles> const& held) {
-        WriteOptions own = options;
-        own.files = files;
-        own.held = held;
+    auto const create = [](std::string const& one, WriteOptions const& own) {
         return is_stream_file(one, own.format) ? create_stream_file(one, own.force, true) : create_volume(one, own);
     };
-    if (!is_numbered(path)) return create(path, 1, nullptr);
-    return numbered_sink(path, holds_slices(path, options.format), create);
+    if (!is_numbered(path)) return create(path, options);
+    return numbered_sink(path, holds_slices(path, options.format), options, create);
 }
 
 } // namespace vkt::ipc

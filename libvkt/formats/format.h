@@ -16,6 +16,9 @@
 
 namespace vkt {
 
+/// Takes a message of one line.
+using Notice = std::function<void(std::string const&)>;
+
 /// What the user says about a file that does not say it itself, and the part wanted.
 struct ReadOptions {
     std::optional<Index3> dims;
@@ -34,7 +37,7 @@ struct ReadOptions {
     bool trust_paths = false; ///< follow headers out of their directory, and to pipes and devices
     std::string asked_by{};   ///< for hints: the command that reads, "vkt info", if it takes none of the above
     /// Told what is odd about a file and no error, in one line.
-    std::function<void(std::string const&)> notice{};
+    Notice notice{};
 
     /// True if anything is said about what the file holds.
     bool describes() const;
@@ -72,9 +75,9 @@ struct WriteOptions {
     std::optional<Index3> at{};
     std::optional<std::int64_t> at_volume{}; ///< of several volumes of that dataset the one with which this begins
     /// Told once a file what of a volume its format does not hold, in one line.
-    std::function<void(std::string const&)> notice{};
+    Notice notice{};
     /// The same of pictures, which are for the eye: no loss that anybody would refuse.
-    std::function<void(std::string const&)> remark{};
+    Notice remark{};
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 

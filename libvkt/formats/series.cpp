@@ -81,10 +81,11 @@ private:
 
 class SeriesSink : public Sink {
 public:
-    SeriesSink(std::string pattern, CreateFile create) : pattern_(std::move(pattern)), create_(std::move(create)) {}
+    SeriesSink(std::string pattern, WriteOptions options, CreateFile create)
+        : pattern_(std::move(pattern)), options_(std::move(options)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
-        current_ = create_(numbered_path(pattern_, number_++), 1, nullptr);
+        current_ = create_(numbered_path(pattern_, number_++), options_);
         current_->begin(header);
     }
     AnyView acquire(Box const& slab) override { return current_->acquire(slab); }
@@ -100,6 +101,7 @@ public:
 
 private:
     std::string pattern_;
+    WriteOptions options_;
     CreateFile create_;
     std::unique_ptr<Sink> current_;
     std::int64_t number_ = 0;
@@ -163,7 +165,8 @@ std::vector<std::string> numbered_files_of(std::string const& path) {
 /// Slabs come as they come; each slice is handed to a sink of its own.
 class SlicesSink : public Sink {
 public:
-    SlicesSink(std::string pattern, CreateFile create) : pattern_(std::move(pattern)), create_(std::move(create)) {}
+    SlicesSink(std::string pattern, WriteOptions options, CreateFile create)
+        : pattern_(std::move(pattern)), options_(std::move(options)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
         if (header.kind != Kind::structured)
@@ -222,7 +225,9 @@ private:
         waiting_.reset();
     }
     void begin_slice(std::int64_t z) {
-        current_ = create_(numbered_path(pattern_, number_++), header_.dims.z - z, waiting_);
+        options_.files = header_.dims.z - z;
+        options_.held = waiting_;
+        current_ = create_(numbered_path(pattern_, number_++), options_);
         Header slice = header_;
         slice.dims.z = 1;
         slice.geometry = cropped(header_.geometry, {0, 0, z});
@@ -231,6 +236,7 @@ private:
     }
 
     std::string pattern_;
+    WriteOptions options_;
     CreateFile create_;
     Header header_;
     Box slab_;
@@ -276,9 +282,9 @@ std::string numbered_path(std::string const& path, std::int64_t number) {
     return without_escapes(path.substr(0, begin)) + digits + without_escapes(path.substr(begin + length));
 }
 
-std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, CreateFile create) {
-    if (slices) return std::make_unique<SlicesSink>(std::move(pattern), std::move(create));
-    return std::make_unique<SeriesSink>(std::move(pattern), std::move(create));
+std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, WriteOptions options, CreateFile create) {
+    if (slices) return std::make_unique<SlicesSink>(std::move(pattern), std::move(options), std::move(create));
+    return std::make_unique<SeriesSink>(std::move(pattern), std::move(options), std::move(create));
 }
 
 } // namespace vkt

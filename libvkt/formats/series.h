@@ -27,13 +27,12 @@ bool is_numbered(std::string const& path);
 /// The path with the number in its place. Throws Error{usage} for anything else after a per cent sign.
 std::string numbered_path(std::string const& path, std::int64_t number);
 
-/// Makes the sink of one file. `files`: how many of the same volume there are from this one on; `held`: where they wait
-/// for one another, null for those that do not (WriteOptions).
-using CreateFile = std::function<std::unique_ptr<Sink>(std::string const& path, std::int64_t files,
-                                                       std::shared_ptr<HeldFiles> const& held)>;
+/// Makes the sink of one file.
+using CreateFile = std::function<std::unique_ptr<Sink>(std::string const& path, WriteOptions const& options)>;
 
 /// One file per volume, or one for each slice of all volumes, numbered from 0. Those of a volume appear under their
 /// names when it is whole; slices one by one where they are more than the files that a process may have open.
-std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, CreateFile create);
+/// The options are those of each, to which what slices know of one another is added.
+std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, WriteOptions options, CreateFile create);
 
 } // namespace vkt

@@ -23,8 +23,6 @@ template <> struct EnumNames<StackAxis> {
 };
 
 using OpenInput = std::function<std::unique_ptr<Source>(std::string const& path)>;
-/// Told what is odd and no error, in one line.
-using Notice = std::function<void(std::string const&)>;
 
 /// The volumes of these inputs in the order named. Along z they become one volume: all headers are read first, and must
 /// agree in extent along x and y, type, value map, unit and orientation. Inputs without a place of their own (all of

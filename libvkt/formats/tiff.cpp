@@ -26,8 +26,6 @@ bool is_tiff(std::span<std::byte const> head) {
     return false;
 }
 
-using Notice = std::function<void(std::string const&)>;
-
 /// Tells of whole pages that are not of the volume. Reduced ones and masks are there to be left out.
 class TellingOfPages : public SourceDecorator {
 public:

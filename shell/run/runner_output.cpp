@@ -112,19 +112,16 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.threads = execution_of(last_).threads;
     options.notice = [this](std::string const& message) { lose(message); };
     options.remark = [this](std::string const& message) { remark(message); };
-    bool const stream = ipc::is_stream_file(c.output, c.format);
-    auto const create = [=](std::string const& path, std::int64_t files, std::shared_ptr<HeldFiles> const& held) {
-        WriteOptions own = options;
-        own.files = files;
-        own.held = held;
-        return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, own);
+    bool const checksum = !c.no_checksum, stream = ipc::is_stream_file(c.output, c.format);
+    auto const create = [=](std::string const& path, WriteOptions const& own) {
+        return stream ? ipc::create_stream_file(path, own.force, checksum) : create_volume(path, own);
     };
     if (last_.opener() != nullptr)
-        if (auto sink = last_.opener()->sink(c.output, options,
-                                             [=](std::string const& path) { return create(path, 1, nullptr); }))
+        if (auto sink =
+                last_.opener()->sink(c.output, options, [=](std::string const& path) { return create(path, options); }))
             return sink;
-    if (!is_numbered(c.output)) return create(numbered_path(c.output, 0), 1, nullptr);
-    return numbered_sink(c.output, holds_slices(c.output, c.format), create);
+    if (!is_numbered(c.output)) return create(numbered_path(c.output, 0), options);
+    return numbered_sink(c.output, holds_slices(c.output, c.format), options, create);
 }
 
 ipc::StageReport Runner::own_report() const {
